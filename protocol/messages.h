@@ -1,0 +1,804 @@
+// Every message of the wire: one struct and one constexpr field list each. The codec, the tables of
+// SPEC.md and the machine-readable description are derived from these lists and from nothing else.
+//
+// Rules (SPEC.md section 4): fields are little endian, in order, unpadded; arrays and texts carry a
+// u16 count; missing trailing fields keep the defaults below; extra trailing bytes are ignored; ids
+// are never reused. A request id below 0x8000 has its reply at id | 0x8000 or a StatusReply.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <tuple>
+
+#include "protocol/bounded.h"
+#include "protocol/descriptor.h"
+#include "protocol/field.h"
+#include "protocol/status.h"
+#include "protocol/types.h"
+
+namespace scatter::protocol {
+
+inline constexpr std::uint8_t kWireMajor = 1;
+inline constexpr std::uint16_t kSchemaRevision = 1;
+
+enum class MessageId : std::uint16_t {
+  kHello = 0x0001,
+  kHelloReply = 0x8001,
+  kStatusReply = 0x8000,
+  kObjectRead = 0x0002,
+  kObjectChunk = 0x8002,
+  kGetConfiguration = 0x0003,
+  kConfiguration = 0x8003,
+  kSetConfiguration = 0x0004,
+  kConfigurationAccepted = 0x8004,
+  kStart = 0x0005,
+  kStarted = 0x8005,
+  kStop = 0x0006,
+  kAbort = 0x0007,
+  kRunReport = 0x8006,
+  kCredit = 0x0008,
+  kFrameBegin = 0x0101,
+  kFrameData = 0x0102,
+  kFrameEnd = 0x0103,
+  kRunFinished = 0x0201,
+  kLogEvent = 0x0202,
+  kFaultEvent = 0x0203,
+  kGetStatus = 0x0009,
+  kDeviceStatus = 0x8009,
+  kCalibrationBegin = 0x000A,
+  kCalibrationBegun = 0x800A,
+  kCalibrationStep = 0x000B,
+  kCalibrationPlaced = 0x800B,
+  kCalibrationCommit = 0x000C,
+  kCalibrationEnd = 0x000D,
+  kCalibrationList = 0x000E,
+  kCalibrationListed = 0x800E,
+  kCalibrationQuery = 0x000F,
+  kCalibrationState = 0x800F,
+  kCalibrationUndo = 0x0010,
+  kCalibrationRestoreFactory = 0x0011,
+  kKeyValueGet = 0x0012,
+  kKeyValue = 0x8012,
+  kKeyValueSet = 0x0013,
+  kReboot = 0x0014,
+  kClockSync = 0x0015,
+  kClockSynced = 0x8015,
+  kUpdateBegin = 0x0016,
+  kUpdateWrite = 0x0017,
+  kUpdateFinish = 0x0018,
+  kUpdateConfirm = 0x0019,
+  kUpdateStatus = 0x001A,
+  kUpdateState = 0x801A,
+};
+
+/// Objects that ObjectRead reads.
+enum class ObjectId : std::uint16_t {
+  kDescriptor = 1,  ///< A Descriptor, encoded like a message.
+  kHotPixels = 2,   ///< u32 little endian each: y * width + x, ascending.
+  kPrnuMap = 3,     ///< i8 per pixel, row major: relative gain deviation in 0.1 %.
+};
+
+enum Capability : std::uint32_t {
+  kCapabilityReferenceStage = 1U << 0U,  ///< Places sample and references itself.
+  kCapabilityTransmission = 1U << 1U,    ///< The transmission module is mounted.
+  kCapabilityUpdate = 1U << 2U,          ///< Update messages are served.
+};
+
+enum class RunState : std::uint8_t { kIdle = 0, kRunning = 1, kHolding = 2 };
+
+enum class RunEnd : std::uint8_t {
+  kCompleted = 0,
+  kStopped = 1,
+  kAborted = 2,
+  kSensorFault = 3,
+  kHostGone = 4,  ///< A new HELLO or a closed link ended the run.
+};
+
+enum class ResetReason : std::uint8_t {
+  kPowerOn = 0,
+  kRequested = 1,
+  kWatchdog = 2,
+  kFault = 3,
+  kBrownOut = 4
+};
+
+enum class FaultCode : std::uint16_t {
+  kNone = 0,
+  kSensorTimeout = 1,
+  kMonitorLow = 2,
+  kTemperatureOutOfRange = 3,
+  kFlashWrite = 4,
+  kCalibrationStoreRecovered = 5,
+};
+
+enum class UpdatePhase : std::uint8_t { kIdle = 0, kReceiving = 1, kReady = 2, kTrial = 3 };
+
+/// Why a calibration of one kind can or cannot be used now.
+enum class CalibrationVerdict : std::uint8_t {
+  kValid = 0,
+  kNeeded = 1,
+  kExpiredAge = 2,
+  kExpiredTemperature = 3
+};
+
+struct CalibrationKindState {
+  Target kind = Target::kWhiteReference;
+  CalibrationVerdict verdict = CalibrationVerdict::kNeeded;
+  CalibrationId id{};
+  std::uint32_t age_s = 0;
+  std::int32_t temperature_change_mK = 0;
+  BoundedString<128> action;  ///< What the user must do; "" when valid.
+  static constexpr auto schema() {
+    using S = CalibrationKindState;
+    return fields(field("kind", &S::kind, "", "1 dark cap, 2 white, 3 black, 4 translucent"),
+                  field("verdict", &S::verdict, "", "0 valid, 1 needed, 2 too old, 3 temperature moved"),
+                  field("id", &S::id, "", ""), field("age_s", &S::age_s, "s", ""),
+                  field("temperature_change_mK", &S::temperature_change_mK, "mK", "since the calibration"),
+                  field("action", &S::action, "", "what the user must do"));
+  }
+  friend constexpr bool operator==(const CalibrationKindState&,
+                                   const CalibrationKindState&) noexcept = default;
+};
+
+/// host -> device, control. Opens a session; the header's nonce names it.
+struct Hello {
+  static constexpr MessageId kId = MessageId::kHello;
+  static constexpr std::string_view kName = "hello";
+  std::uint8_t min_wire_major = kWireMajor;
+  std::uint8_t max_wire_major = kWireMajor;
+  std::uint16_t schema_revision = kSchemaRevision;
+  std::uint32_t schema_digest = 0;
+  std::uint32_t max_payload = 16384;
+  std::uint32_t capabilities = 0;
+  BoundedString<32> build_id;
+  BoundedString<32> host_name;
+  static constexpr auto schema() {
+    return fields(
+        field("min_wire_major", &Hello::min_wire_major, "", "lowest wire major the host speaks"),
+        field("max_wire_major", &Hello::max_wire_major, "", "highest wire major the host speaks"),
+        field("schema_revision", &Hello::schema_revision, "", "host's schema revision"),
+        field("schema_digest", &Hello::schema_digest, "", "CRC-32C of the host's schema description"),
+        field("max_payload", &Hello::max_payload, "B", "largest payload the host accepts"),
+        field("capabilities", &Hello::capabilities, "", "Capability bits of the host"),
+        field("build_id", &Hello::build_id, "", "host software version"),
+        field("host_name", &Hello::host_name, "", "who is asking, shown to a second host"));
+  }
+};
+
+/// device -> host.
+struct HelloReply {
+  static constexpr MessageId kId = MessageId::kHelloReply;
+  static constexpr std::string_view kName = "hello_reply";
+  std::uint8_t wire_major = kWireMajor;
+  std::uint16_t schema_revision = kSchemaRevision;
+  std::uint32_t schema_digest = 0;
+  std::uint32_t max_payload = 16384;
+  std::uint32_t capabilities = 0;
+  BoundedString<32> build_id;
+  BoundedString<32> product;
+  BoundedString<32> serial;
+  std::uint8_t reset_reason = 0;
+  std::uint32_t boot_count = 0;
+  std::uint64_t device_time_us = 0;
+  std::uint32_t epoch = 0;
+  std::uint8_t run_state = 0;
+  static constexpr auto schema() {
+    return fields(
+        field("wire_major", &HelloReply::wire_major, "", "chosen wire major"),
+        field("schema_revision", &HelloReply::schema_revision, "", "device's schema revision"),
+        field("schema_digest", &HelloReply::schema_digest, "", "CRC-32C of the device's schema description"),
+        field("max_payload", &HelloReply::max_payload, "B", "negotiated largest payload, both directions"),
+        field("capabilities", &HelloReply::capabilities, "", "Capability bits of the device"),
+        field("build_id", &HelloReply::build_id, "", "firmware version"),
+        field("product", &HelloReply::product, "", "descriptor's product"),
+        field("serial", &HelloReply::serial, "", "descriptor's serial number"),
+        field("reset_reason", &HelloReply::reset_reason, "", "ResetReason of this boot"),
+        field("boot_count", &HelloReply::boot_count, "", "boots since production"),
+        field("device_time_us", &HelloReply::device_time_us, "us", "device's clock"),
+        field("epoch", &HelloReply::epoch, "", "current settings epoch, 0 = never configured"),
+        field("run_state", &HelloReply::run_state, "", "RunState"));
+  }
+};
+
+/// device -> host. Reply of every request that returns no data, and of every request that fails.
+struct StatusReply {
+  static constexpr MessageId kId = MessageId::kStatusReply;
+  static constexpr std::string_view kName = "status_reply";
+  StatusCode status = StatusCode::kOk;
+  std::uint16_t request = 0;
+  std::uint32_t pending_ms = 0;
+  BoundedString<128> text;
+  static constexpr auto schema() {
+    return fields(
+        field("status", &StatusReply::status, "", "0 OK, 1 PENDING, else the reason"),
+        field("request", &StatusReply::request, "", "message id that this answers"),
+        field("pending_ms", &StatusReply::pending_ms, "ms", "PENDING only: the reply comes within this time"),
+        field("text", &StatusReply::text, "", "what was wrong, with expected and found values"));
+  }
+};
+
+/// host -> device, control. Reads a part of a stored object.
+struct ObjectRead {
+  static constexpr MessageId kId = MessageId::kObjectRead;
+  static constexpr std::string_view kName = "object_read";
+  std::uint16_t object = 0;
+  std::uint32_t offset = 0;
+  std::uint32_t length = 0;
+  static constexpr auto schema() {
+    return fields(field("object", &ObjectRead::object, "", "ObjectId"),
+                  field("offset", &ObjectRead::offset, "B", ""),
+                  field("length", &ObjectRead::length, "B", "wanted; the device may send less"));
+  }
+};
+
+/// device -> host.
+struct ObjectChunk {
+  static constexpr MessageId kId = MessageId::kObjectChunk;
+  static constexpr std::string_view kName = "object_chunk";
+  std::uint16_t object = 0;
+  std::uint32_t offset = 0;
+  std::uint32_t total = 0;
+  std::uint32_t object_crc = 0;
+  TailBytes data;
+  static constexpr auto schema() {
+    return fields(field("object", &ObjectChunk::object, "", "ObjectId"),
+                  field("offset", &ObjectChunk::offset, "B", ""),
+                  field("total", &ObjectChunk::total, "B", "size of the whole object"),
+                  field("object_crc", &ObjectChunk::object_crc, "", "CRC-32C of the whole object"),
+                  field("data", &ObjectChunk::data, "", "the bytes"));
+  }
+};
+
+/// host -> device, control.
+struct GetConfiguration {
+  static constexpr MessageId kId = MessageId::kGetConfiguration;
+  static constexpr std::string_view kName = "get_configuration";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host.
+struct Configuration {
+  static constexpr MessageId kId = MessageId::kConfiguration;
+  static constexpr std::string_view kName = "configuration";
+  std::uint32_t epoch = 0;
+  Recipe recipe;
+  static constexpr auto schema() {
+    return fields(field("epoch", &Configuration::epoch, "", "settings epoch of this recipe"),
+                  field("recipe", &Configuration::recipe, "", ""));
+  }
+};
+
+/// host -> device, control. Not while a run is on.
+struct SetConfiguration {
+  static constexpr MessageId kId = MessageId::kSetConfiguration;
+  static constexpr std::string_view kName = "set_configuration";
+  Recipe recipe;
+  static constexpr auto schema() { return fields(field("recipe", &SetConfiguration::recipe, "", "")); }
+};
+
+/// device -> host. A new epoch begins.
+struct ConfigurationAccepted {
+  static constexpr MessageId kId = MessageId::kConfigurationAccepted;
+  static constexpr std::string_view kName = "configuration_accepted";
+  std::uint32_t epoch = 0;
+  std::uint32_t planned_frames = 0;
+  std::uint32_t planned_duration_us = 0;
+  static constexpr auto schema() {
+    return fields(field("epoch", &ConfigurationAccepted::epoch, "", ""),
+                  field("planned_frames", &ConfigurationAccepted::planned_frames, "frames",
+                        "fixed: exact; auto: at most"),
+                  field("planned_duration_us", &ConfigurationAccepted::planned_duration_us, "us",
+                        "on the device's clock; auto: the budget"));
+  }
+};
+
+/// host -> device, control.
+struct Start {
+  static constexpr MessageId kId = MessageId::kStart;
+  static constexpr std::string_view kName = "start";
+  std::uint32_t epoch = 0;
+  std::uint32_t may_send_until = 0;
+  static constexpr auto schema() {
+    return fields(field("epoch", &Start::epoch, "", "must be the current epoch"),
+                  field("may_send_until", &Start::may_send_until, "",
+                        "first credit: frame ids below this may be sent"));
+  }
+};
+
+/// device -> host.
+struct Started {
+  static constexpr MessageId kId = MessageId::kStarted;
+  static constexpr std::string_view kName = "started";
+  std::uint32_t run_id = 0;
+  std::uint64_t device_time_us = 0;
+  static constexpr auto schema() {
+    return fields(field("run_id", &Started::run_id, "", "rises by one per run"),
+                  field("device_time_us", &Started::device_time_us, "us", ""));
+  }
+};
+
+/// host -> device, control. Ends the run after the frame in hand.
+struct Stop {
+  static constexpr MessageId kId = MessageId::kStop;
+  static constexpr std::string_view kName = "stop";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// host -> device, control. Ends the run now; the frame in hand is lost_firmware.
+struct Abort {
+  static constexpr MessageId kId = MessageId::kAbort;
+  static constexpr std::string_view kName = "abort";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host. Reply of Stop and Abort; the device's half of the ledger.
+struct RunReport {
+  static constexpr MessageId kId = MessageId::kRunReport;
+  static constexpr std::string_view kName = "run_report";
+  std::uint32_t run_id = 0;
+  std::uint8_t reason = 0;
+  Ledger ledger;
+  std::uint32_t frames_sent = 0;
+  std::uint64_t started_us = 0;
+  std::uint64_t ended_us = 0;
+  std::uint64_t held_us = 0;
+  static constexpr auto schema() {
+    return fields(field("run_id", &RunReport::run_id, "", ""),
+                  field("reason", &RunReport::reason, "", "RunEnd"),
+                  field("ledger", &RunReport::ledger, "", "exposed, lost_sensor, lost_firmware; the rest 0"),
+                  field("frames_sent", &RunReport::frames_sent, "frames", "frames whose end was sent"),
+                  field("started_us", &RunReport::started_us, "us", ""),
+                  field("ended_us", &RunReport::ended_us, "us", ""),
+                  field("held_us", &RunReport::held_us, "us", "time the run waited for credit"));
+  }
+};
+
+/// host -> device, event channel, no reply. Absolute and idempotent.
+struct Credit {
+  static constexpr MessageId kId = MessageId::kCredit;
+  static constexpr std::string_view kName = "credit";
+  std::uint32_t run_id = 0;
+  std::uint32_t may_send_until = 0;
+  static constexpr auto schema() {
+    return fields(field("run_id", &Credit::run_id, "", ""),
+                  field("may_send_until", &Credit::may_send_until, "",
+                        "frame ids below this may be sent; lower values than before are ignored"));
+  }
+};
+
+/// device -> host, stream. Metadata known before the exposure is read.
+struct FrameBegin {
+  static constexpr MessageId kId = MessageId::kFrameBegin;
+  static constexpr std::string_view kName = "frame_begin";
+  std::uint32_t run_id = 0;
+  std::uint32_t frame_id = 0;
+  std::uint32_t epoch = 0;
+  CalibrationId calibration_id{};
+  FrameKind kind = FrameKind::kLight;
+  Target target = Target::kSample;
+  std::uint8_t illumination = 0xFF;
+  std::uint8_t bracket = 0;
+  std::uint16_t sweep = 0;
+  std::uint32_t exposure_us = 0;
+  std::uint16_t gain_milli = 1000;
+  std::int32_t sensor_temperature_mK = 0;
+  std::int32_t led_temperature_mK = 0;
+  std::uint32_t monitor_uv = 0;
+  std::uint64_t exposure_start_us = 0;
+  std::uint16_t x = 0;
+  std::uint16_t y = 0;
+  std::uint16_t width = 0;
+  std::uint16_t height = 0;
+  PixelFormat pixel_format = PixelFormat::kMono16;
+  std::uint8_t bits = 0;
+  std::uint32_t total = 0;
+  static constexpr auto schema() {
+    return fields(
+        field("run_id", &FrameBegin::run_id, "", ""),
+        field("frame_id", &FrameBegin::frame_id, "",
+              "stamped at the exposure, before anything can be dropped; from 0 per run"),
+        field("epoch", &FrameBegin::epoch, "", "settings this frame was taken with"),
+        field("calibration_id", &FrameBegin::calibration_id, "", "device's current white calibration"),
+        field("kind", &FrameBegin::kind, "", "0 light, 1 ambient, 2 dark"),
+        field("target", &FrameBegin::target, "", ""),
+        field("illumination", &FrameBegin::illumination, "", "index, 255 = none"),
+        field("bracket", &FrameBegin::bracket, "", "exposure number within the illumination and sweep"),
+        field("sweep", &FrameBegin::sweep, "", "0-based"),
+        field("exposure_us", &FrameBegin::exposure_us, "us", ""),
+        field("gain_milli", &FrameBegin::gain_milli, "1e-3", ""),
+        field("sensor_temperature_mK", &FrameBegin::sensor_temperature_mK, "mK", ""),
+        field("led_temperature_mK", &FrameBegin::led_temperature_mK, "mK", ""),
+        field("monitor_uv", &FrameBegin::monitor_uv, "uV", "photodiode reading during the exposure"),
+        field("exposure_start_us", &FrameBegin::exposure_start_us, "us", "device's clock"),
+        field("x", &FrameBegin::x, "px", "window"), field("y", &FrameBegin::y, "px", ""),
+        field("width", &FrameBegin::width, "px", ""), field("height", &FrameBegin::height, "px", ""),
+        field("pixel_format", &FrameBegin::pixel_format, "", ""),
+        field("bits", &FrameBegin::bits, "bit", "significant bits"),
+        field("total", &FrameBegin::total, "B", "bytes of pixel data"));
+  }
+};
+
+/// device -> host, stream. A band of rows.
+struct FrameData {
+  static constexpr MessageId kId = MessageId::kFrameData;
+  static constexpr std::string_view kName = "frame_data";
+  std::uint32_t run_id = 0;
+  std::uint32_t frame_id = 0;
+  std::uint32_t offset = 0;
+  std::uint32_t total = 0;
+  TailBytes data;
+  static constexpr auto schema() {
+    return fields(
+        field("run_id", &FrameData::run_id, "", ""), field("frame_id", &FrameData::frame_id, "", ""),
+        field("offset", &FrameData::offset, "B", "of `data` in the frame"),
+        field("total", &FrameData::total, "B", ""), field("data", &FrameData::data, "", "pixel bytes"));
+  }
+};
+
+/// device -> host, stream. What is known only after the last row.
+struct FrameEnd {
+  static constexpr MessageId kId = MessageId::kFrameEnd;
+  static constexpr std::string_view kName = "frame_end";
+  std::uint32_t run_id = 0;
+  std::uint32_t frame_id = 0;
+  std::uint32_t saturated_pixels = 0;
+  std::uint16_t max_dn = 0;
+  std::uint16_t flags = 0;
+  std::uint32_t frame_crc = 0;
+  std::uint64_t readout_end_us = 0;
+  static constexpr auto schema() {
+    return fields(field("run_id", &FrameEnd::run_id, "", ""), field("frame_id", &FrameEnd::frame_id, "", ""),
+                  field("saturated_pixels", &FrameEnd::saturated_pixels, "px", ""),
+                  field("max_dn", &FrameEnd::max_dn, "DN", "brightest unsaturated pixel"),
+                  field("flags", &FrameEnd::flags, "", "FrameFlags"),
+                  field("frame_crc", &FrameEnd::frame_crc, "", "CRC-32C of all pixel bytes"),
+                  field("readout_end_us", &FrameEnd::readout_end_us, "us", "device's clock"));
+  }
+};
+
+/// device -> host, event. The run ended by itself or by a fault.
+struct RunFinished {
+  static constexpr MessageId kId = MessageId::kRunFinished;
+  static constexpr std::string_view kName = "run_finished";
+  std::uint32_t run_id = 0;
+  std::uint8_t reason = 0;
+  Ledger ledger;
+  std::uint32_t frames_sent = 0;
+  std::uint64_t started_us = 0;
+  std::uint64_t ended_us = 0;
+  std::uint64_t held_us = 0;
+  static constexpr auto schema() {
+    return fields(field("run_id", &RunFinished::run_id, "", ""),
+                  field("reason", &RunFinished::reason, "", "RunEnd"),
+                  field("ledger", &RunFinished::ledger, "", ""),
+                  field("frames_sent", &RunFinished::frames_sent, "frames", ""),
+                  field("started_us", &RunFinished::started_us, "us", ""),
+                  field("ended_us", &RunFinished::ended_us, "us", ""),
+                  field("held_us", &RunFinished::held_us, "us", "time the run waited for credit"));
+  }
+};
+
+/// device -> host, event.
+struct LogEvent {
+  static constexpr MessageId kId = MessageId::kLogEvent;
+  static constexpr std::string_view kName = "log_event";
+  std::uint8_t level = 0;
+  std::uint64_t device_time_us = 0;
+  BoundedString<128> text;
+  static constexpr auto schema() {
+    return fields(field("level", &LogEvent::level, "", "0 debug .. 4 error"),
+                  field("device_time_us", &LogEvent::device_time_us, "us", ""),
+                  field("text", &LogEvent::text, "", ""));
+  }
+};
+
+/// device -> host, event.
+struct FaultEvent {
+  static constexpr MessageId kId = MessageId::kFaultEvent;
+  static constexpr std::string_view kName = "fault_event";
+  std::uint16_t fault = 0;
+  std::uint64_t device_time_us = 0;
+  BoundedString<128> text;
+  static constexpr auto schema() {
+    return fields(field("fault", &FaultEvent::fault, "", "FaultCode"),
+                  field("device_time_us", &FaultEvent::device_time_us, "us", ""),
+                  field("text", &FaultEvent::text, "", ""));
+  }
+};
+
+/// host -> device, control.
+struct GetStatus {
+  static constexpr MessageId kId = MessageId::kGetStatus;
+  static constexpr std::string_view kName = "get_status";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host. Counters name what was lost.
+struct DeviceStatus {
+  static constexpr MessageId kId = MessageId::kDeviceStatus;
+  static constexpr std::string_view kName = "device_status";
+  std::uint8_t run_state = 0;
+  std::uint64_t device_time_us = 0;
+  std::int32_t sensor_temperature_mK = 0;
+  std::int32_t led_temperature_mK = 0;
+  std::uint32_t epoch = 0;
+  std::uint32_t run_id = 0;
+  std::uint32_t frames_good = 0;
+  std::uint32_t frames_bad_header = 0;
+  std::uint32_t frames_bad_payload = 0;
+  std::uint32_t bytes_skipped = 0;
+  std::uint32_t stale_session = 0;
+  std::uint32_t duplicates = 0;
+  std::uint32_t unknown_events = 0;
+  std::uint16_t last_fault = 0;
+  std::uint32_t calibration_records_recovered = 0;
+  static constexpr auto schema() {
+    return fields(
+        field("run_state", &DeviceStatus::run_state, "", "RunState"),
+        field("device_time_us", &DeviceStatus::device_time_us, "us", ""),
+        field("sensor_temperature_mK", &DeviceStatus::sensor_temperature_mK, "mK", ""),
+        field("led_temperature_mK", &DeviceStatus::led_temperature_mK, "mK", ""),
+        field("epoch", &DeviceStatus::epoch, "", ""), field("run_id", &DeviceStatus::run_id, "", ""),
+        field("frames_good", &DeviceStatus::frames_good, "frames", "wire frames accepted"),
+        field("frames_bad_header", &DeviceStatus::frames_bad_header, "frames", ""),
+        field("frames_bad_payload", &DeviceStatus::frames_bad_payload, "frames", ""),
+        field("bytes_skipped", &DeviceStatus::bytes_skipped, "B", "while looking for a frame"),
+        field("stale_session", &DeviceStatus::stale_session, "frames", "wrong nonce"),
+        field("duplicates", &DeviceStatus::duplicates, "frames", "requests answered from the reply cache"),
+        field("unknown_events", &DeviceStatus::unknown_events, "frames", ""),
+        field("last_fault", &DeviceStatus::last_fault, "", "FaultCode"),
+        field("calibration_records_recovered", &DeviceStatus::calibration_records_recovered, "", ""));
+  }
+};
+
+/// host -> device, control. Opens a calibration session.
+struct CalibrationBegin {
+  static constexpr MessageId kId = MessageId::kCalibrationBegin;
+  static constexpr std::string_view kName = "calibration_begin";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host.
+struct CalibrationBegun {
+  static constexpr MessageId kId = MessageId::kCalibrationBegun;
+  static constexpr std::string_view kName = "calibration_begun";
+  std::uint32_t session = 0;
+  std::uint8_t reference_stage = 0;
+  static constexpr auto schema() {
+    return fields(field("session", &CalibrationBegun::session, "", ""),
+                  field("reference_stage", &CalibrationBegun::reference_stage, "",
+                        "1: the device places references itself"));
+  }
+};
+
+/// host -> device, control. Brings a target under the instrument; StatusReply PENDING while the stage moves.
+struct CalibrationStep {
+  static constexpr MessageId kId = MessageId::kCalibrationStep;
+  static constexpr std::string_view kName = "calibration_step";
+  std::uint32_t session = 0;
+  Target target = Target::kWhiteReference;
+  static constexpr auto schema() {
+    return fields(field("session", &CalibrationStep::session, "", ""),
+                  field("target", &CalibrationStep::target, "", ""));
+  }
+};
+
+/// device -> host.
+struct CalibrationPlaced {
+  static constexpr MessageId kId = MessageId::kCalibrationPlaced;
+  static constexpr std::string_view kName = "calibration_placed";
+  std::uint8_t placed = 0;
+  BoundedString<128> instruction;
+  static constexpr auto schema() {
+    return fields(field("placed", &CalibrationPlaced::placed, "", "1: the stage placed it; 0: the user must"),
+                  field("instruction", &CalibrationPlaced::instruction, "", "what the user must do"));
+  }
+};
+
+/// host -> device, control. Stores a manifest; the earlier one stays for undo.
+struct CalibrationCommit {
+  static constexpr MessageId kId = MessageId::kCalibrationCommit;
+  static constexpr std::string_view kName = "calibration_commit";
+  std::uint32_t session = 0;
+  CalibrationManifest manifest;
+  static constexpr auto schema() {
+    return fields(field("session", &CalibrationCommit::session, "", ""),
+                  field("manifest", &CalibrationCommit::manifest, "", ""));
+  }
+};
+
+/// host -> device, control. Closes the session, committed or not; the sample comes back.
+struct CalibrationEnd {
+  static constexpr MessageId kId = MessageId::kCalibrationEnd;
+  static constexpr std::string_view kName = "calibration_end";
+  std::uint32_t session = 0;
+  static constexpr auto schema() { return fields(field("session", &CalibrationEnd::session, "", "")); }
+};
+
+/// host -> device, control.
+struct CalibrationList {
+  static constexpr MessageId kId = MessageId::kCalibrationList;
+  static constexpr std::string_view kName = "calibration_list";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host.
+struct CalibrationListed {
+  static constexpr MessageId kId = MessageId::kCalibrationListed;
+  static constexpr std::string_view kName = "calibration_listed";
+  BoundedArray<CalibrationManifest, 8> manifests;
+  static constexpr auto schema() {
+    return fields(field("manifests", &CalibrationListed::manifests, "", "newest first, factory last"));
+  }
+};
+
+/// host -> device, control. Is the calibration good for a measurement now?
+struct CalibrationQuery {
+  static constexpr MessageId kId = MessageId::kCalibrationQuery;
+  static constexpr std::string_view kName = "calibration_query";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host. An ordinary result, not an error.
+struct CalibrationState {
+  static constexpr MessageId kId = MessageId::kCalibrationState;
+  static constexpr std::string_view kName = "calibration_state";
+  BoundedArray<CalibrationKindState, 8> states;
+  static constexpr auto schema() {
+    return fields(field("states", &CalibrationState::states, "", "one per kind"));
+  }
+};
+
+/// host -> device, control. The kind's previous manifest becomes current again.
+struct CalibrationUndo {
+  static constexpr MessageId kId = MessageId::kCalibrationUndo;
+  static constexpr std::string_view kName = "calibration_undo";
+  Target kind = Target::kWhiteReference;
+  static constexpr auto schema() { return fields(field("kind", &CalibrationUndo::kind, "", "")); }
+};
+
+/// host -> device, control. Forgets all session manifests; factory data are never touched.
+struct CalibrationRestoreFactory {
+  static constexpr MessageId kId = MessageId::kCalibrationRestoreFactory;
+  static constexpr std::string_view kName = "calibration_restore_factory";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// host -> device, control.
+struct KeyValueGet {
+  static constexpr MessageId kId = MessageId::kKeyValueGet;
+  static constexpr std::string_view kName = "key_value_get";
+  BoundedString<32> key;
+  static constexpr auto schema() { return fields(field("key", &KeyValueGet::key, "", "")); }
+};
+
+/// device -> host.
+struct KeyValue {
+  static constexpr MessageId kId = MessageId::kKeyValue;
+  static constexpr std::string_view kName = "key_value";
+  BoundedString<32> key;
+  BoundedString<64> value;
+  std::uint8_t read_only = 0;
+  static constexpr auto schema() {
+    return fields(field("key", &KeyValue::key, "", ""), field("value", &KeyValue::value, "", ""),
+                  field("read_only", &KeyValue::read_only, "", ""));
+  }
+};
+
+/// host -> device, control.
+struct KeyValueSet {
+  static constexpr MessageId kId = MessageId::kKeyValueSet;
+  static constexpr std::string_view kName = "key_value_set";
+  BoundedString<32> key;
+  BoundedString<64> value;
+  static constexpr auto schema() {
+    return fields(field("key", &KeyValueSet::key, "", ""), field("value", &KeyValueSet::value, "", ""));
+  }
+};
+
+/// host -> device, control. The reply comes before the reset.
+struct Reboot {
+  static constexpr MessageId kId = MessageId::kReboot;
+  static constexpr std::string_view kName = "reboot";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// host -> device, control.
+struct ClockSync {
+  static constexpr MessageId kId = MessageId::kClockSync;
+  static constexpr std::string_view kName = "clock_sync";
+  std::uint64_t host_time_us = 0;
+  static constexpr auto schema() {
+    return fields(
+        field("host_time_us", &ClockSync::host_time_us, "us", "host's clock, Unix epoch; 0 = unknown"));
+  }
+};
+
+/// device -> host.
+struct ClockSynced {
+  static constexpr MessageId kId = MessageId::kClockSynced;
+  static constexpr std::string_view kName = "clock_synced";
+  std::uint64_t host_time_us = 0;
+  std::uint64_t device_time_us = 0;
+  static constexpr auto schema() {
+    return fields(field("host_time_us", &ClockSynced::host_time_us, "us", "as sent"),
+                  field("device_time_us", &ClockSynced::device_time_us, "us", ""));
+  }
+};
+
+/// host -> device, control.
+struct UpdateBegin {
+  static constexpr MessageId kId = MessageId::kUpdateBegin;
+  static constexpr std::string_view kName = "update_begin";
+  std::uint32_t image_size = 0;
+  std::array<std::uint8_t, 32> image_sha256{};
+  BoundedString<32> version;
+  static constexpr auto schema() {
+    return fields(field("image_size", &UpdateBegin::image_size, "B", ""),
+                  field("image_sha256", &UpdateBegin::image_sha256, "", ""),
+                  field("version", &UpdateBegin::version, "", ""));
+  }
+};
+
+/// host -> device, control. Idempotent by offset.
+struct UpdateWrite {
+  static constexpr MessageId kId = MessageId::kUpdateWrite;
+  static constexpr std::string_view kName = "update_write";
+  std::uint32_t offset = 0;
+  TailBytes data;
+  static constexpr auto schema() {
+    return fields(field("offset", &UpdateWrite::offset, "B", ""), field("data", &UpdateWrite::data, "", ""));
+  }
+};
+
+/// host -> device, control. Verify and mark for the next boot.
+struct UpdateFinish {
+  static constexpr MessageId kId = MessageId::kUpdateFinish;
+  static constexpr std::string_view kName = "update_finish";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// host -> device, control. Keep the running image.
+struct UpdateConfirm {
+  static constexpr MessageId kId = MessageId::kUpdateConfirm;
+  static constexpr std::string_view kName = "update_confirm";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// host -> device, control.
+struct UpdateStatus {
+  static constexpr MessageId kId = MessageId::kUpdateStatus;
+  static constexpr std::string_view kName = "update_status";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host.
+struct UpdateState {
+  static constexpr MessageId kId = MessageId::kUpdateState;
+  static constexpr std::string_view kName = "update_state";
+  std::uint8_t state = 0;
+  std::uint32_t received = 0;
+  BoundedString<32> running_version;
+  BoundedString<32> other_version;
+  std::uint8_t confirmed = 0;
+  static constexpr auto schema() {
+    return fields(field("state", &UpdateState::state, "", "UpdatePhase"),
+                  field("received", &UpdateState::received, "B", "resume from here"),
+                  field("running_version", &UpdateState::running_version, "", ""),
+                  field("other_version", &UpdateState::other_version, "", ""),
+                  field("confirmed", &UpdateState::confirmed, "", ""));
+  }
+};
+
+/// Every message, in the order of SPEC.md. A message that is not here does not exist.
+using AllMessages =
+    std::tuple<Hello, HelloReply, StatusReply, ObjectRead, ObjectChunk, GetConfiguration, Configuration,
+               SetConfiguration, ConfigurationAccepted, Start, Started, Stop, Abort, RunReport, Credit,
+               FrameBegin, FrameData, FrameEnd, RunFinished, LogEvent, FaultEvent, GetStatus, DeviceStatus,
+               CalibrationBegin, CalibrationBegun, CalibrationStep, CalibrationPlaced, CalibrationCommit,
+               CalibrationEnd, CalibrationList, CalibrationListed, CalibrationQuery, CalibrationState,
+               CalibrationUndo, CalibrationRestoreFactory, KeyValueGet, KeyValue, KeyValueSet, Reboot,
+               ClockSync, ClockSynced, UpdateBegin, UpdateWrite, UpdateFinish, UpdateConfirm, UpdateStatus,
+               UpdateState>;
+
+}  // namespace scatter::protocol
