@@ -47,6 +47,22 @@ class Brdf {
     (void)omega_i, (void)omega_o, (void)random_per_sr, (void)systematic_per_sr;
     return false;
   }
+
+  /// Dirac component, which `eval` never contains: what leaves in exactly one direction,
+  /// mirrored(omega_i) for BRDF and -omega_i for BTDF.
+  /// Quantity  share of the incident power per channel [1], 0..1.
+  /// Shape     weight.size() == channels().
+  /// Returns   false (span untouched) when there is none.
+  [[nodiscard]] virtual bool dirac(const Direction& omega_i, std::span<double> weight) const noexcept {
+    (void)omega_i, (void)weight;
+    return false;
+  }
+
+  /// `eval` of many outgoing directions at one incidence; models override it with a tight loop.
+  /// Shape     f_per_sr[k * channels() + c]; f_per_sr.size() == omega_o.size() * channels();
+  ///           origin.size() == omega_o.size() or 0 (not wanted).
+  virtual void eval_batch(const Direction& omega_i, std::span<const Direction> omega_o,
+                          std::span<double> f_per_sr, std::span<Origin> origin) const noexcept;
 };
 
 }  // namespace scatter::reflectance

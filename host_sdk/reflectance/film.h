@@ -1,0 +1,35 @@
+// A transmitting film that scatters part of the light.
+#pragma once
+
+#include "host_sdk/reflectance/brdf.h"
+#include "host_sdk/reflectance/model_channels.h"
+
+namespace scatter::reflectance {
+
+/// BTDF of a hazy film: transmittance * haze / pi [1/sr], Lambertian below the surface, plus a
+/// Dirac component of transmittance * (1 - haze) that goes straight on. Implements `Brdf`.
+class Film final : public Brdf {
+ public:
+  struct Parameters {
+    ChannelValues transmittance{0, 0, 0};  ///< Total, 0..1.
+    ChannelValues haze{0, 0, 0};           ///< Scattered share of it, 0..1.
+  };
+  /// Ranges are checked by make_model, not here.
+  explicit Film(const Parameters& parameters) noexcept : parameters_(parameters) {}
+
+  [[nodiscard]] const Parameters& parameters() const noexcept { return parameters_; }
+
+  [[nodiscard]] ScatterType type() const noexcept override { return ScatterType::kBtdf; }
+  [[nodiscard]] std::size_t channels() const noexcept override { return kModelChannels; }
+  [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
+    return kModelWavelengthsNm;
+  }
+  [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
+                            std::span<double> f_per_sr) const noexcept override;
+  [[nodiscard]] bool dirac(const Direction& omega_i, std::span<double> weight) const noexcept override;
+
+ private:
+  Parameters parameters_;
+};
+
+}  // namespace scatter::reflectance
