@@ -15,4 +15,15 @@ function(scatter_test name)
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} scatter_test_main scatter_warnings)
   add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
+  if(name MATCHES "^unit_(protocol|firmware|device|formats)")
+    scatter_sanitize_too(${name} ${name})
+  endif()
+endfunction()
+
+# scatter_sanitize_too(test target): joins the tests that ./run test --preset asan-ubsan builds and
+# runs: those of the code that reads bytes from outside, where a memory error would hide.
+add_custom_target(sanitized_tests)
+function(scatter_sanitize_too test target)
+  set_tests_properties(${test} PROPERTIES LABELS sanitized)
+  add_dependencies(sanitized_tests ${target})
 endfunction()
