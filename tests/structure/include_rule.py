@@ -1,0 +1,184 @@
+#!/usr/bin/env python3
+"""Fails when an include crosses a line that the architecture does not allow.
+
+The table below is the architecture's list of arrows (docs/README.md): a folder may include its own
+headers, those of the folders named in its row, and what those may include in turn.
+
+usage: include_rule.py [ROOT]       checks the tree, prints file:line and the broken rule
+       include_rule.py --self-test  proves on a made-up tree that each kind of breach is caught
+"""
+import os
+import re
+import sys
+import tempfile
+
+ARROWS = {
+    "protocol": [],
+    "firmware/ports": ["protocol"],
+    "firmware/core": ["firmware/ports", "protocol"],
+    "firmware/boot": ["firmware/ports", "protocol"],
+    "firmware/boards": ["firmware/core", "firmware/boot"],
+    "host_sdk/error": [],
+    "host_sdk/reflectance": ["host_sdk/error"],
+    "host_sdk/formats": ["host_sdk/reflectance"],
+    "host_sdk/device": ["host_sdk/error", "protocol"],
+    "host_sdk/measurement": ["host_sdk/device", "host_sdk/reflectance"],
+    "host_sdk/c_api": ["host_sdk/measurement", "host_sdk/formats"],
+    "host_sdk/python": ["host_sdk/c_api"],
+    "simulator/random": [],
+    "simulator/corrosion": ["simulator/random", "host_sdk/error"],
+    "simulator/samples": ["simulator/corrosion", "simulator/random", "host_sdk/formats"],
+    "simulator/bench": ["simulator/samples", "simulator/random", "protocol"],
+    "simulator/faults": ["simulator/random", "host_sdk/error", "protocol"],
+    "simulator/instrument": ["simulator/bench", "simulator/faults", "firmware/core"],
+    # Tools and examples stand on everything; "*" is every row above. A tool includes another only
+    # where its row says so.
+    "tools/plot": ["*"],
+    "tools/render": ["*"],
+    "tools/sim_scheme": ["*"],
+    "tools/scatter": ["*", "tools/plot", "tools/render", "tools/sim_scheme"],
+    "tools/studio": ["*", "tools/plot", "tools/render", "tools/sim_scheme"],
+    "examples": ["*", "tools/sim_scheme"],
+    "tests": ["*", "tools/plot", "tools/render", "tools/sim_scheme", "tools/scatter"],
+}
+
+# The wire and the firmware run without an operating system and without a heap.
+FREESTANDING = ("protocol", "firmware/ports", "firmware/core", "firmware/boot")
+HOSTED = set(
+    "iostream ostream istream sstream fstream iomanip locale regex string vector map set unordered_map "
+    "unordered_set list deque queue stack memory functional any thread mutex shared_mutex condition_variable "
+    "future chrono filesystem random stdexcept exception system_error cstdio stdio.h ctime time.h "
+    "unistd.h fcntl.h pthread.h memory_resource".split()
+)
+# Slow to compile; a public header that includes one makes every user pay.
+HEAVY = ("nlohmann/", "CLI/", "Eigen/", "ceres/", "spdlog/", "OpenEXR/", "tbb/", "oneapi/")
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
+SKIPPED = {".git", "build", "out", "__pycache__"}
+
+
+def room_of(path):
+    """The row of ARROWS that holds this path, or None."""
+    parts = path.split("/")
+    for depth in (2, 1):
+        room = "/".join(parts[:depth])
+        if len(parts) > depth and room in ARROWS:
+            return room
+    return None
+
+
+def reachable(room):
+    base = {name for name in ARROWS if not name.startswith(("tools/", "tests", "examples"))}
+    seen, waiting = set(), [room]
+    while waiting:
+        current = waiting.pop()
+        if current in seen:
+            continue
+        seen.add(current)
+        for target in ARROWS[current]:
+            if target == "*":
+                seen |= base
+            else:
+                waiting.append(target)
+    return seen
+
+
+def sources(root):
+    for folder, names, files in os.walk(root):
+        names[:] = sorted(n for n in names if n not in SKIPPED)
+        for name in sorted(files):
+            if name.endswith((".h", ".cpp", ".c")):
+                yield os.path.relpath(os.path.join(folder, name), root).replace(os.sep, "/")
+
+
+def breaches_of(root, path, allowed):
+    room = room_of(path)
+    if room is None:
+        yield 1, "this folder has no row in tests/structure/include_rule.py"
+        return
+    with open(os.path.join(root, path), encoding="utf-8") as text:
+        for number, line in enumerate(text, 1):
+            match = INCLUDE.match(line)
+            if not match:
+                continue
+            quote, target = match.groups()
+            target_room = room_of(target)
+            ours = target_room is not None and os.path.exists(os.path.join(root, target))
+            if quote == '"' and not ours:
+                yield number, f'"{target}" is no header of ours; our includes are written from the repository\'s root'
+            elif ours and target_room not in allowed[room]:
+                yield number, f"{room} may not include {target_room}: {target}"
+            elif ours and "/internal/" in target and not path.startswith(target.split("/internal/")[0] + "/"):
+                yield number, f"{target} is internal to {target.split('/internal/')[0]}"
+            elif not ours and room in FREESTANDING and target in HOSTED:
+                yield number, f"<{target}> needs a heap or an operating system; {room} has neither"
+            elif not ours and path.endswith(".h") and room != "tests" and target.startswith(HEAVY):
+                yield number, f"<{target}> is too heavy for a header; include it in the .cpp"
+
+
+def check(root):
+    allowed = {room: reachable(room) for room in ARROWS}
+    found = []
+    for path in sources(root):
+        for number, why in breaches_of(root, path, allowed):
+            found.append(f"{path}:{number}: {why}")
+    return found
+
+
+def self_test():
+    """Each entry: file, its one line, a word that the complaint must hold (None: allowed)."""
+    cases = [
+        ("protocol/a.h", "#include <cstdint>", None),
+        ("firmware/core/a.cpp", '#include "protocol/a.h"', None),
+        ("simulator/instrument/a.cpp", '#include "host_sdk/reflectance/a.h"', None),
+        ("tools/scatter/a.cpp", '#include "simulator/instrument/a.h"', None),
+        ("tests/unit/a.cpp", '#include "tools/plot/a.h"', None),
+        ("host_sdk/reflectance/a.h", "// header", None),
+        ("simulator/instrument/a.h", "// header", None),
+        ("tools/plot/a.h", "// header", None),
+        ("host_sdk/formats/a.h", "// header", None),
+        ("host_sdk/device/internal/a.h", "// header", None),
+        ("host_sdk/device/b.cpp", '#include "host_sdk/device/internal/a.h"', None),
+        ("protocol/b.cpp", '#include "firmware/core/b.h"', "may not include"),
+        ("firmware/core/b.h", '#include <vector>', "heap"),
+        ("host_sdk/device/a.cpp", '  #  include "simulator/instrument/a.h"', "may not include"),
+        ("host_sdk/device/c.cpp", '#include <host_sdk/reflectance/a.h>', "may not include"),
+        ("host_sdk/measurement/a.cpp", '#include "host_sdk/formats/a.h"', "may not include"),
+        ("host_sdk/measurement/b.cpp", '#include "host_sdk/device/internal/a.h"', "internal"),
+        ("host_sdk/reflectance/c.h", "#include <nlohmann/json.hpp>", "heavy"),
+        ("simulator/bench/a.cpp", '#include "tools/plot/a.h"', "may not include"),
+        ("simulator/bench/b.cpp", '#include "sensor.h"', "repository's root"),
+        ("tools/plot/b.cpp", '#include "tests/unit/t.h"', "may not include"),
+        ("tests/unit/t.h", "// header", None),
+        ("utils/a.h", "// header", "no row"),
+    ]
+    with tempfile.TemporaryDirectory() as root:
+        for path, line, _ in cases:
+            os.makedirs(os.path.dirname(os.path.join(root, path)), exist_ok=True)
+            with open(os.path.join(root, path), "w", encoding="utf-8") as file:
+                file.write(line + "\n")
+        found = check(root)
+    wrong = []
+    for path, line, word in cases:
+        complaints = [text for text in found if text.startswith(path + ":")]
+        if word is None and complaints:
+            wrong.append(f"allowed but refused: {complaints[0]}")
+        if word is not None and not any(word in text for text in complaints):
+            wrong.append(f"forbidden but not caught: {path}: {line}")
+    return wrong
+
+
+def main(arguments):
+    if arguments == ["--self-test"]:
+        complaints = self_test()
+    else:
+        here = os.path.dirname(os.path.abspath(__file__))
+        complaints = check(arguments[0] if arguments else os.path.join(here, "..", ".."))
+    for complaint in complaints:
+        print(complaint)
+    print(f"include rule: {len(complaints)} breaches" if complaints else "include rule: kept")
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
