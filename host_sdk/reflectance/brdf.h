@@ -14,6 +14,14 @@ namespace scatter::reflectance {
 /// Where a value comes from. Numbers are those of the EXR `origin` channel and are frozen.
 enum class Origin : std::uint8_t { kInvalid = 0, kMeasured = 1, kInterpolated = 2, kExtrapolated = 3 };
 
+/// Origin of a value made from two: the less trustworthy one.
+[[nodiscard]] constexpr Origin combined(Origin a, Origin b) noexcept {
+  if (a == Origin::kInvalid || b == Origin::kInvalid) {
+    return Origin::kInvalid;
+  }
+  return a > b ? a : b;
+}
+
 /// Which side scattered light is on. For BTDF the outgoing direction has z < 0.
 enum class ScatterType : std::uint8_t { kBrdf = 0, kBtdf = 1 };
 

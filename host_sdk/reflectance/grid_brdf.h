@@ -1,6 +1,7 @@
 // Measured BRDF on a grid about the surface normal: what the instrument gives.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <span>
@@ -61,8 +62,12 @@ class GridBrdf final : public Brdf {
   [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
     return content_.wavelengths_nm;
   }
-  /// Bilinear between nodes; linear in angles about the mirror direction between incidences
-  /// (origin kInterpolated there); the nearest incidence outside (kExtrapolated).
+  /// Bilinear between nodes (the pole is one point: the mean of its row); linear in angles about
+  /// the mirror direction between incidences (origin kInterpolated there); the nearest incidence
+  /// and the last theta_o outside (kExtrapolated). An invalid node in use makes the result
+  /// kInvalid. Parts of one rotation only: the sample is taken as isotropic and is turned until
+  /// phi_i fits; several rotations: linear between them in phi_i where they lie at most 90 deg
+  /// apart, the nearest (kExtrapolated) elsewhere.
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override;
   [[nodiscard]] bool uncertainty(const Direction& omega_i, const Direction& omega_o,
@@ -70,8 +75,40 @@ class GridBrdf final : public Brdf {
                                  std::span<double> systematic_per_sr) const noexcept override;
 
  private:
-  explicit GridBrdf(Content content) : content_(std::move(content)) {}
+  /// Parts of one sample rotation, by increasing theta_i.
+  struct Group {
+    std::size_t first = 0;
+    std::size_t count = 0;
+    double phi_i = 0;  ///< Of the steepest incidence, whose azimuth is the best defined one.
+  };
+  enum class Plane : std::uint8_t { kValue, kRandom, kSystematic };
+  /// One node, or a part's pole, and its share in a result.
+  struct Tap {
+    std::uint32_t part = 0;
+    std::uint32_t node = 0;
+    double weight = 0;
+  };
+  /// Two rotations, two incidences each, four nodes each.
+  struct Blend {
+    std::array<Tap, 16> taps;
+    std::size_t count = 0;
+    Origin origin = Origin::kMeasured;
+  };
+
+  explicit GridBrdf(Content content);
+  [[nodiscard]] Blend blend(const Direction& omega_i, const Direction& omega_o) const noexcept;
+  /// local_o: light in the plane y = 0, x > 0, outgoing side up.
+  void blend_group(const Group& group, double theta_i, double phi_i, const Direction& local_o, double weight,
+                   Blend& out) const noexcept;
+  void blend_part(std::size_t part, const Direction& local_o, double weight, Blend& out) const noexcept;
+  void add_tap(std::size_t part, std::size_t row, std::size_t column, double weight,
+               Blend& out) const noexcept;
+  [[nodiscard]] bool sum(const Blend& blend, Plane plane, std::span<double> out) const noexcept;
+
   Content content_;
+  std::vector<Group> groups_;        ///< By increasing phi_i, in [0, 2 pi).
+  std::vector<double> pole_;         ///< [(plane * parts + part) * channels + channel]
+  std::vector<Origin> pole_origin_;  ///< One per part.
 };
 
 }  // namespace scatter::reflectance
