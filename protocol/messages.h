@@ -128,7 +128,7 @@ struct CalibrationKindState {
   CalibrationId id{};
   std::uint32_t age_s = 0;
   std::int32_t temperature_change_mK = 0;
-  BoundedString<128> action;  ///< What the user must do; "" when valid.
+  BoundedString<96> action;  ///< What the user must do; "" when valid.
   static constexpr auto schema() {
     using S = CalibrationKindState;
     return fields(field("kind", &S::kind, "", "1 dark cap, 2 white, 3 black, 4 translucent"),
@@ -141,10 +141,11 @@ struct CalibrationKindState {
                                    const CalibrationKindState&) noexcept = default;
 };
 
-/// host -> device, control. Opens a session; the header's nonce names it.
+/// host -> device, control.
 struct Hello {
   static constexpr MessageId kId = MessageId::kHello;
   static constexpr std::string_view kName = "hello";
+  static constexpr std::string_view kMeaning = "Opens a session; the nonce in the frame header names it.";
   std::uint8_t min_wire_major = kWireMajor;
   std::uint8_t max_wire_major = kWireMajor;
   std::uint16_t schema_revision = kSchemaRevision;
@@ -170,6 +171,7 @@ struct Hello {
 struct HelloReply {
   static constexpr MessageId kId = MessageId::kHelloReply;
   static constexpr std::string_view kName = "hello_reply";
+  static constexpr std::string_view kMeaning = "The session is open; who answers, and in what state.";
   std::uint8_t wire_major = kWireMajor;
   std::uint16_t schema_revision = kSchemaRevision;
   std::uint32_t schema_digest = 0;
@@ -201,10 +203,12 @@ struct HelloReply {
   }
 };
 
-/// device -> host. Reply of every request that returns no data, and of every request that fails.
+/// device -> host.
 struct StatusReply {
   static constexpr MessageId kId = MessageId::kStatusReply;
   static constexpr std::string_view kName = "status_reply";
+  static constexpr std::string_view kMeaning =
+      "Reply of every request that returns no data, and of every request that fails.";
   StatusCode status = StatusCode::kOk;
   std::uint16_t request = 0;
   std::uint32_t pending_ms = 0;
@@ -218,10 +222,11 @@ struct StatusReply {
   }
 };
 
-/// host -> device, control. Reads a part of a stored object.
+/// host -> device, control.
 struct ObjectRead {
   static constexpr MessageId kId = MessageId::kObjectRead;
   static constexpr std::string_view kName = "object_read";
+  static constexpr std::string_view kMeaning = "Reads a part of a stored object.";
   std::uint16_t object = 0;
   std::uint32_t offset = 0;
   std::uint32_t length = 0;
@@ -236,6 +241,7 @@ struct ObjectRead {
 struct ObjectChunk {
   static constexpr MessageId kId = MessageId::kObjectChunk;
   static constexpr std::string_view kName = "object_chunk";
+  static constexpr std::string_view kMeaning = "A part of a stored object.";
   std::uint16_t object = 0;
   std::uint32_t offset = 0;
   std::uint32_t total = 0;
@@ -254,6 +260,7 @@ struct ObjectChunk {
 struct GetConfiguration {
   static constexpr MessageId kId = MessageId::kGetConfiguration;
   static constexpr std::string_view kName = "get_configuration";
+  static constexpr std::string_view kMeaning = "Asks for the recipe in force.";
   static constexpr auto schema() { return fields(); }
 };
 
@@ -261,6 +268,7 @@ struct GetConfiguration {
 struct Configuration {
   static constexpr MessageId kId = MessageId::kConfiguration;
   static constexpr std::string_view kName = "configuration";
+  static constexpr std::string_view kMeaning = "The recipe in force.";
   std::uint32_t epoch = 0;
   Recipe recipe;
   static constexpr auto schema() {
@@ -269,18 +277,20 @@ struct Configuration {
   }
 };
 
-/// host -> device, control. Not while a run is on.
+/// host -> device, control.
 struct SetConfiguration {
   static constexpr MessageId kId = MessageId::kSetConfiguration;
   static constexpr std::string_view kName = "set_configuration";
+  static constexpr std::string_view kMeaning = "Sets the recipe; not while a run is on.";
   Recipe recipe;
   static constexpr auto schema() { return fields(field("recipe", &SetConfiguration::recipe, "", "")); }
 };
 
-/// device -> host. A new epoch begins.
+/// device -> host.
 struct ConfigurationAccepted {
   static constexpr MessageId kId = MessageId::kConfigurationAccepted;
   static constexpr std::string_view kName = "configuration_accepted";
+  static constexpr std::string_view kMeaning = "The recipe is in force; a new settings epoch begins.";
   std::uint32_t epoch = 0;
   std::uint32_t planned_frames = 0;
   std::uint32_t planned_duration_us = 0;
@@ -297,6 +307,7 @@ struct ConfigurationAccepted {
 struct Start {
   static constexpr MessageId kId = MessageId::kStart;
   static constexpr std::string_view kName = "start";
+  static constexpr std::string_view kMeaning = "Starts a run of the recipe.";
   std::uint32_t epoch = 0;
   std::uint32_t may_send_until = 0;
   static constexpr auto schema() {
@@ -310,6 +321,7 @@ struct Start {
 struct Started {
   static constexpr MessageId kId = MessageId::kStarted;
   static constexpr std::string_view kName = "started";
+  static constexpr std::string_view kMeaning = "The run is on.";
   std::uint32_t run_id = 0;
   std::uint64_t device_time_us = 0;
   static constexpr auto schema() {
@@ -318,24 +330,27 @@ struct Started {
   }
 };
 
-/// host -> device, control. Ends the run after the frame in hand.
+/// host -> device, control.
 struct Stop {
   static constexpr MessageId kId = MessageId::kStop;
   static constexpr std::string_view kName = "stop";
+  static constexpr std::string_view kMeaning = "Ends the run after the frame in hand.";
   static constexpr auto schema() { return fields(); }
 };
 
-/// host -> device, control. Ends the run now; the frame in hand is lost_firmware.
+/// host -> device, control.
 struct Abort {
   static constexpr MessageId kId = MessageId::kAbort;
   static constexpr std::string_view kName = "abort";
+  static constexpr std::string_view kMeaning = "Ends the run now; the frame in hand is lost_firmware.";
   static constexpr auto schema() { return fields(); }
 };
 
-/// device -> host. Reply of Stop and Abort; the device's half of the ledger.
+/// device -> host.
 struct RunReport {
   static constexpr MessageId kId = MessageId::kRunReport;
   static constexpr std::string_view kName = "run_report";
+  static constexpr std::string_view kMeaning = "Reply of stop and abort: the device's half of the ledger.";
   std::uint32_t run_id = 0;
   std::uint8_t reason = 0;
   Ledger ledger;
@@ -354,10 +369,11 @@ struct RunReport {
   }
 };
 
-/// host -> device, event channel, no reply. Absolute and idempotent.
+/// host -> device, event channel, no reply.
 struct Credit {
   static constexpr MessageId kId = MessageId::kCredit;
   static constexpr std::string_view kName = "credit";
+  static constexpr std::string_view kMeaning = "Allows more frames; absolute and idempotent, no reply.";
   std::uint32_t run_id = 0;
   std::uint32_t may_send_until = 0;
   static constexpr auto schema() {
@@ -367,10 +383,11 @@ struct Credit {
   }
 };
 
-/// device -> host, stream. Metadata known before the exposure is read.
+/// device -> host, stream.
 struct FrameBegin {
   static constexpr MessageId kId = MessageId::kFrameBegin;
   static constexpr std::string_view kName = "frame_begin";
+  static constexpr std::string_view kMeaning = "Metadata of a frame, before its pixels.";
   std::uint32_t run_id = 0;
   std::uint32_t frame_id = 0;
   std::uint32_t epoch = 0;
@@ -419,10 +436,11 @@ struct FrameBegin {
   }
 };
 
-/// device -> host, stream. A band of rows.
+/// device -> host, stream.
 struct FrameData {
   static constexpr MessageId kId = MessageId::kFrameData;
   static constexpr std::string_view kName = "frame_data";
+  static constexpr std::string_view kMeaning = "Pixels of a frame: a band of rows.";
   std::uint32_t run_id = 0;
   std::uint32_t frame_id = 0;
   std::uint32_t offset = 0;
@@ -436,10 +454,11 @@ struct FrameData {
   }
 };
 
-/// device -> host, stream. What is known only after the last row.
+/// device -> host, stream.
 struct FrameEnd {
   static constexpr MessageId kId = MessageId::kFrameEnd;
   static constexpr std::string_view kName = "frame_end";
+  static constexpr std::string_view kMeaning = "What is known of a frame only after its last row.";
   std::uint32_t run_id = 0;
   std::uint32_t frame_id = 0;
   std::uint32_t saturated_pixels = 0;
@@ -457,10 +476,11 @@ struct FrameEnd {
   }
 };
 
-/// device -> host, event. The run ended by itself or by a fault.
+/// device -> host, event.
 struct RunFinished {
   static constexpr MessageId kId = MessageId::kRunFinished;
   static constexpr std::string_view kName = "run_finished";
+  static constexpr std::string_view kMeaning = "The run ended by itself or by a fault.";
   std::uint32_t run_id = 0;
   std::uint8_t reason = 0;
   Ledger ledger;
@@ -483,6 +503,7 @@ struct RunFinished {
 struct LogEvent {
   static constexpr MessageId kId = MessageId::kLogEvent;
   static constexpr std::string_view kName = "log_event";
+  static constexpr std::string_view kMeaning = "A line of the device's log.";
   std::uint8_t level = 0;
   std::uint64_t device_time_us = 0;
   BoundedString<128> text;
@@ -497,6 +518,7 @@ struct LogEvent {
 struct FaultEvent {
   static constexpr MessageId kId = MessageId::kFaultEvent;
   static constexpr std::string_view kName = "fault_event";
+  static constexpr std::string_view kMeaning = "Something is wrong with the device.";
   std::uint16_t fault = 0;
   std::uint64_t device_time_us = 0;
   BoundedString<128> text;
@@ -511,13 +533,15 @@ struct FaultEvent {
 struct GetStatus {
   static constexpr MessageId kId = MessageId::kGetStatus;
   static constexpr std::string_view kName = "get_status";
+  static constexpr std::string_view kMeaning = "Asks how the device is.";
   static constexpr auto schema() { return fields(); }
 };
 
-/// device -> host. Counters name what was lost.
+/// device -> host.
 struct DeviceStatus {
   static constexpr MessageId kId = MessageId::kDeviceStatus;
   static constexpr std::string_view kName = "device_status";
+  static constexpr std::string_view kMeaning = "State, temperatures, and counters that name what was lost.";
   std::uint8_t run_state = 0;
   std::uint64_t device_time_us = 0;
   std::int32_t sensor_temperature_mK = 0;
@@ -552,10 +576,11 @@ struct DeviceStatus {
   }
 };
 
-/// host -> device, control. Opens a calibration session.
+/// host -> device, control.
 struct CalibrationBegin {
   static constexpr MessageId kId = MessageId::kCalibrationBegin;
   static constexpr std::string_view kName = "calibration_begin";
+  static constexpr std::string_view kMeaning = "Opens a calibration session.";
   static constexpr auto schema() { return fields(); }
 };
 
@@ -563,6 +588,7 @@ struct CalibrationBegin {
 struct CalibrationBegun {
   static constexpr MessageId kId = MessageId::kCalibrationBegun;
   static constexpr std::string_view kName = "calibration_begun";
+  static constexpr std::string_view kMeaning = "The calibration session is open.";
   std::uint32_t session = 0;
   std::uint8_t reference_stage = 0;
   static constexpr auto schema() {
@@ -572,10 +598,12 @@ struct CalibrationBegun {
   }
 };
 
-/// host -> device, control. Brings a target under the instrument; StatusReply PENDING while the stage moves.
+/// host -> device, control.
 struct CalibrationStep {
   static constexpr MessageId kId = MessageId::kCalibrationStep;
   static constexpr std::string_view kName = "calibration_step";
+  static constexpr std::string_view kMeaning =
+      "Brings a target under the instrument; PENDING while the stage moves.";
   std::uint32_t session = 0;
   Target target = Target::kWhiteReference;
   static constexpr auto schema() {
@@ -588,6 +616,7 @@ struct CalibrationStep {
 struct CalibrationPlaced {
   static constexpr MessageId kId = MessageId::kCalibrationPlaced;
   static constexpr std::string_view kName = "calibration_placed";
+  static constexpr std::string_view kMeaning = "The target is in place, or the user must place it.";
   std::uint8_t placed = 0;
   BoundedString<128> instruction;
   static constexpr auto schema() {
@@ -596,10 +625,11 @@ struct CalibrationPlaced {
   }
 };
 
-/// host -> device, control. Stores a manifest; the earlier one stays for undo.
+/// host -> device, control.
 struct CalibrationCommit {
   static constexpr MessageId kId = MessageId::kCalibrationCommit;
   static constexpr std::string_view kName = "calibration_commit";
+  static constexpr std::string_view kMeaning = "Stores a manifest; the earlier one stays for undo.";
   std::uint32_t session = 0;
   CalibrationManifest manifest;
   static constexpr auto schema() {
@@ -608,10 +638,12 @@ struct CalibrationCommit {
   }
 };
 
-/// host -> device, control. Closes the session, committed or not; the sample comes back.
+/// host -> device, control.
 struct CalibrationEnd {
   static constexpr MessageId kId = MessageId::kCalibrationEnd;
   static constexpr std::string_view kName = "calibration_end";
+  static constexpr std::string_view kMeaning =
+      "Closes the calibration session, committed or not; the sample comes back.";
   std::uint32_t session = 0;
   static constexpr auto schema() { return fields(field("session", &CalibrationEnd::session, "", "")); }
 };
@@ -620,6 +652,7 @@ struct CalibrationEnd {
 struct CalibrationList {
   static constexpr MessageId kId = MessageId::kCalibrationList;
   static constexpr std::string_view kName = "calibration_list";
+  static constexpr std::string_view kMeaning = "Asks for the stored manifests.";
   static constexpr auto schema() { return fields(); }
 };
 
@@ -627,41 +660,48 @@ struct CalibrationList {
 struct CalibrationListed {
   static constexpr MessageId kId = MessageId::kCalibrationListed;
   static constexpr std::string_view kName = "calibration_listed";
+  static constexpr std::string_view kMeaning = "The stored manifests.";
   BoundedArray<CalibrationManifest, 8> manifests;
   static constexpr auto schema() {
     return fields(field("manifests", &CalibrationListed::manifests, "", "newest first, factory last"));
   }
 };
 
-/// host -> device, control. Is the calibration good for a measurement now?
+/// host -> device, control.
 struct CalibrationQuery {
   static constexpr MessageId kId = MessageId::kCalibrationQuery;
   static constexpr std::string_view kName = "calibration_query";
+  static constexpr std::string_view kMeaning = "Asks whether the calibration is good for a measurement now.";
   static constexpr auto schema() { return fields(); }
 };
 
-/// device -> host. An ordinary result, not an error.
+/// device -> host.
 struct CalibrationState {
   static constexpr MessageId kId = MessageId::kCalibrationState;
   static constexpr std::string_view kName = "calibration_state";
+  static constexpr std::string_view kMeaning =
+      "What can be used and what is needed; an ordinary result, not an error.";
   BoundedArray<CalibrationKindState, 8> states;
   static constexpr auto schema() {
     return fields(field("states", &CalibrationState::states, "", "one per kind"));
   }
 };
 
-/// host -> device, control. The kind's previous manifest becomes current again.
+/// host -> device, control.
 struct CalibrationUndo {
   static constexpr MessageId kId = MessageId::kCalibrationUndo;
   static constexpr std::string_view kName = "calibration_undo";
+  static constexpr std::string_view kMeaning = "Makes the kind's previous manifest current again.";
   Target kind = Target::kWhiteReference;
   static constexpr auto schema() { return fields(field("kind", &CalibrationUndo::kind, "", "")); }
 };
 
-/// host -> device, control. Forgets all session manifests; factory data are never touched.
+/// host -> device, control.
 struct CalibrationRestoreFactory {
   static constexpr MessageId kId = MessageId::kCalibrationRestoreFactory;
   static constexpr std::string_view kName = "calibration_restore_factory";
+  static constexpr std::string_view kMeaning =
+      "Forgets all session manifests; factory data are never touched.";
   static constexpr auto schema() { return fields(); }
 };
 
@@ -669,6 +709,7 @@ struct CalibrationRestoreFactory {
 struct KeyValueGet {
   static constexpr MessageId kId = MessageId::kKeyValueGet;
   static constexpr std::string_view kName = "key_value_get";
+  static constexpr std::string_view kMeaning = "Reads a stored setting.";
   BoundedString<32> key;
   static constexpr auto schema() { return fields(field("key", &KeyValueGet::key, "", "")); }
 };
@@ -677,6 +718,7 @@ struct KeyValueGet {
 struct KeyValue {
   static constexpr MessageId kId = MessageId::kKeyValue;
   static constexpr std::string_view kName = "key_value";
+  static constexpr std::string_view kMeaning = "A stored setting.";
   BoundedString<32> key;
   BoundedString<64> value;
   std::uint8_t read_only = 0;
@@ -690,6 +732,7 @@ struct KeyValue {
 struct KeyValueSet {
   static constexpr MessageId kId = MessageId::kKeyValueSet;
   static constexpr std::string_view kName = "key_value_set";
+  static constexpr std::string_view kMeaning = "Writes a stored setting.";
   BoundedString<32> key;
   BoundedString<64> value;
   static constexpr auto schema() {
@@ -697,10 +740,11 @@ struct KeyValueSet {
   }
 };
 
-/// host -> device, control. The reply comes before the reset.
+/// host -> device, control.
 struct Reboot {
   static constexpr MessageId kId = MessageId::kReboot;
   static constexpr std::string_view kName = "reboot";
+  static constexpr std::string_view kMeaning = "Restarts the device; the reply comes before the reset.";
   static constexpr auto schema() { return fields(); }
 };
 
@@ -708,6 +752,7 @@ struct Reboot {
 struct ClockSync {
   static constexpr MessageId kId = MessageId::kClockSync;
   static constexpr std::string_view kName = "clock_sync";
+  static constexpr std::string_view kMeaning = "Asks for the device clock, giving the host clock.";
   std::uint64_t host_time_us = 0;
   static constexpr auto schema() {
     return fields(
@@ -719,6 +764,7 @@ struct ClockSync {
 struct ClockSynced {
   static constexpr MessageId kId = MessageId::kClockSynced;
   static constexpr std::string_view kName = "clock_synced";
+  static constexpr std::string_view kMeaning = "Both clocks.";
   std::uint64_t host_time_us = 0;
   std::uint64_t device_time_us = 0;
   static constexpr auto schema() {
@@ -731,6 +777,7 @@ struct ClockSynced {
 struct UpdateBegin {
   static constexpr MessageId kId = MessageId::kUpdateBegin;
   static constexpr std::string_view kName = "update_begin";
+  static constexpr std::string_view kMeaning = "Announces a firmware image.";
   std::uint32_t image_size = 0;
   std::array<std::uint8_t, 32> image_sha256{};
   BoundedString<32> version;
@@ -741,10 +788,11 @@ struct UpdateBegin {
   }
 };
 
-/// host -> device, control. Idempotent by offset.
+/// host -> device, control.
 struct UpdateWrite {
   static constexpr MessageId kId = MessageId::kUpdateWrite;
   static constexpr std::string_view kName = "update_write";
+  static constexpr std::string_view kMeaning = "A part of the image; idempotent by offset.";
   std::uint32_t offset = 0;
   TailBytes data;
   static constexpr auto schema() {
@@ -752,17 +800,20 @@ struct UpdateWrite {
   }
 };
 
-/// host -> device, control. Verify and mark for the next boot.
+/// host -> device, control.
 struct UpdateFinish {
   static constexpr MessageId kId = MessageId::kUpdateFinish;
   static constexpr std::string_view kName = "update_finish";
+  static constexpr std::string_view kMeaning =
+      "The image is complete: verify it and mark it for the next boot.";
   static constexpr auto schema() { return fields(); }
 };
 
-/// host -> device, control. Keep the running image.
+/// host -> device, control.
 struct UpdateConfirm {
   static constexpr MessageId kId = MessageId::kUpdateConfirm;
   static constexpr std::string_view kName = "update_confirm";
+  static constexpr std::string_view kMeaning = "Keep the running image.";
   static constexpr auto schema() { return fields(); }
 };
 
@@ -770,6 +821,7 @@ struct UpdateConfirm {
 struct UpdateStatus {
   static constexpr MessageId kId = MessageId::kUpdateStatus;
   static constexpr std::string_view kName = "update_status";
+  static constexpr std::string_view kMeaning = "Asks how far the update is.";
   static constexpr auto schema() { return fields(); }
 };
 
@@ -777,6 +829,7 @@ struct UpdateStatus {
 struct UpdateState {
   static constexpr MessageId kId = MessageId::kUpdateState;
   static constexpr std::string_view kName = "update_state";
+  static constexpr std::string_view kMeaning = "How far the update is.";
   std::uint8_t state = 0;
   std::uint32_t received = 0;
   BoundedString<32> running_version;

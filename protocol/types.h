@@ -129,7 +129,7 @@ struct CalibrationManifest {
   std::int32_t sensor_temperature_mK = 0;
   std::int32_t led_temperature_mK = 0;
   BoundedString<48> certificate_id;  ///< Which certificate the reference has; "" for dark.
-  BoundedArray<float, 8> scalars;    ///< Mean reference level per colour [e-/s], for information.
+  BoundedArray<float, 6> scalars;    ///< Mean reference level per colour [e-/s], for information.
 
   static constexpr auto schema() {
     using M = CalibrationManifest;
