@@ -4,6 +4,7 @@
 #include <random>
 #include <vector>
 
+#include "protocol/cobs.h"
 #include "protocol/codec.h"
 #include "protocol/crc.h"
 #include "protocol/frame.h"
@@ -82,6 +83,36 @@ std::vector<Figure> codec_throughput() {
   return figures;
 }
 
+// Random bytes: a zero about every 256 bytes, as in real frames.
+std::vector<Figure> cobs_throughput() {
+  const std::vector<std::byte> bytes = random_bytes(protocol::kMaxPayload);
+  std::vector<std::byte> encoded(protocol::cobs_max_size(bytes.size()) + 1);
+  const std::size_t size = protocol::cobs_encode(bytes, encoded);
+  encoded[size] = std::byte{0};
+  std::vector<std::byte> out(encoded.size());
+  std::vector<std::byte> buffer(bytes.size());
+  const auto copy = [&] {
+    std::memcpy(out.data(), bytes.data(), bytes.size());
+    keep(out.data());
+  };
+  const double megabytes = static_cast<double>(bytes.size()) / kBytesPerMegabyte;
+  return {run_contest("cobs.encode", {.unit = "MB/s",
+                                      .work = megabytes,
+                                      .ours = [&] { keep(protocol::cobs_encode(bytes, out)); },
+                                      .peer = "memcpy",
+                                      .theirs = copy}),
+          run_contest("cobs.decode", {.unit = "MB/s",
+                                      .work = megabytes,
+                                      .ours =
+                                          [&] {
+                                            protocol::CobsDecoder decoder(buffer);
+                                            auto rest = std::span<const std::byte>(encoded).first(size + 1);
+                                            keep(decoder.next(rest));
+                                          },
+                                      .peer = "memcpy",
+                                      .theirs = copy})};
+}
+
 // Whole wire frames with full payloads, pushed in pieces as a socket would give them.
 std::vector<Figure> decoder_throughput() {
   constexpr std::size_t kFrames = 512;
@@ -122,6 +153,7 @@ std::vector<Figure> decoder_throughput() {
 }
 
 const Benchmark kCrc{"crc.throughput", crc_throughput};
+const Benchmark kCobs{"cobs", cobs_throughput};
 const Benchmark kCodec{"codec", codec_throughput};
 const Benchmark kDecoder{"decoder.throughput", decoder_throughput};
 
