@@ -1,0 +1,101 @@
+#include "host_sdk/formats/file_bytes.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <system_error>
+
+namespace scatter::formats {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::uintmax_t kLargestFile = std::uintmax_t{4} << 30;
+
+std::unexpected<Error> cannot(ErrorCode code, const fs::path& path, std::string_view what,
+                              std::string_view remedy) {
+  return fail(code, fmt::format("{}: {}", path.string(), what), std::string(remedy));
+}
+
+/// Error of the last failed stream operation. iostreams keep errno on all our platforms.
+std::unexpected<Error> stream_error(const fs::path& path, std::string_view action) {
+  const int number = errno;
+  const std::string what =
+      fmt::format("cannot {}: {}", action, std::generic_category().message(number == 0 ? EIO : number));
+  if (number == EACCES || number == EPERM || number == EROFS) {
+    return cannot(ErrorCode::kPermissionDenied, path, what, "check the permissions of the file and folder");
+  }
+  if (number == ENOENT) {
+    return cannot(ErrorCode::kNotFound, path, what, "create the folder first or correct the path");
+  }
+  return cannot(ErrorCode::kResourceExhausted, path, what, "free space on the disk or choose another folder");
+}
+
+}  // namespace
+
+Result<std::string> read_file(const fs::path& path) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (status.type() == fs::file_type::not_found) {
+    return cannot(ErrorCode::kNotFound, path, "no such file", "check the path");
+  }
+  if (status.type() == fs::file_type::directory) {
+    return cannot(ErrorCode::kInvalidArgument, path, "is a folder, expected a file", "name a file inside it");
+  }
+  if (error) {
+    return cannot(ErrorCode::kPermissionDenied, path, error.message(), "check the permissions");
+  }
+  if (status.type() != fs::file_type::regular) {
+    return cannot(ErrorCode::kInvalidArgument, path, "is a pipe or a device, expected a regular file",
+                  "save it to a file first");
+  }
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error || size > kLargestFile) {
+    return cannot(ErrorCode::kResourceExhausted, path, fmt::format("has {} bytes, the limit is 4 GiB", size),
+                  "split the file");
+  }
+  errno = 0;
+  std::ifstream in(path, std::ios::binary);
+  if (!in) {
+    return stream_error(path, "open it");
+  }
+  std::string bytes(static_cast<std::size_t>(size), '\0');
+  in.read(bytes.data(), static_cast<std::streamsize>(size));
+  if (in.gcount() != static_cast<std::streamsize>(size)) {
+    return cannot(ErrorCode::kDataLoss, path, fmt::format("gave {} of {} bytes", in.gcount(), size),
+                  "check that nothing else writes the file");
+  }
+  return bytes;
+}
+
+Status write_file(const fs::path& path, std::string_view bytes) {
+  fs::path partial = path;
+  partial += ".partial";
+  std::error_code error;
+  if (fs::is_directory(path, error)) {
+    return cannot(ErrorCode::kInvalidArgument, path, "is a folder, expected a file", "name a file inside it");
+  }
+  errno = 0;
+  std::ofstream out(partial, std::ios::binary | std::ios::trunc);
+  if (!out) {
+    return stream_error(path, "write it");
+  }
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  if (!out) {
+    auto failed = stream_error(path, "write it");
+    fs::remove(partial, error);
+    return failed;
+  }
+  fs::rename(partial, path, error);
+  if (error) {
+    const std::string what = fmt::format("cannot replace it: {}", error.message());
+    fs::remove(partial, error);
+    return cannot(ErrorCode::kPermissionDenied, path, what, "check the permissions of the folder");
+  }
+  return {};
+}
+
+}  // namespace scatter::formats
