@@ -60,7 +60,7 @@ double distance(const OkLab& a, const OkLab& b) {
 }
 
 std::array<Colour, kColourMapSize> make_map() {
-  constexpr std::size_t kFine = 4096;
+  constexpr std::size_t kFine = 16384;
   std::vector<double> length(kFine + 1, 0.0);
   OkLab before = path(0);
   for (std::size_t i = 1; i <= kFine; ++i) {

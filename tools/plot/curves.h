@@ -27,10 +27,10 @@ struct CurveOptions {
   ImageKind kind = ImageKind::kSvg;
   Theme theme = Theme::kLight;
   Scale scale = Scale::kAuto;
-  std::string title;                  ///< Empty: none.
-  std::vector<Incidence> incidences;  ///< One panel each, 1..24.
-  double theta_max_deg = 75;          ///< Curves run from -theta_max to theta_max, 1..90.
-  double pixel_ratio = 1;             ///< PNG only, 0.5..4.
+  std::string title = {};                  ///< Empty: none.
+  std::vector<Incidence> incidences = {};  ///< One panel each, 1..24.
+  double theta_max_deg = 75;               ///< Curves run from -theta_max to theta_max, 1..90.
+  double pixel_ratio = 1;                  ///< PNG only, 0.5..4.
 };
 
 /// Incidences that a BRDF was measured at; 0, 20, 40 and 60 deg for everything else.

@@ -15,11 +15,11 @@ struct HemisphereOptions {
   ImageKind kind = ImageKind::kPng;
   Theme theme = Theme::kDark;
   Scale scale = Scale::kAuto;
-  bool luminance = false;  ///< One column, the mean of the channels, instead of one per channel.
-  std::string title;       ///< Empty: none.
-  std::string subtitle;    ///< Empty: none.
-  double disc_px = 264;    ///< Diameter of the horizon, 48..2000.
-  double pixel_ratio = 1;  ///< Pixels per unit, 0.5..4; 2 for fine screens (PNG only).
+  bool luminance = false;     ///< One column, the mean of the channels, instead of one per channel.
+  std::string title = {};     ///< Empty: none.
+  std::string subtitle = {};  ///< Empty: none.
+  double disc_px = 264;       ///< Diameter of the horizon, 48..2000.
+  double pixel_ratio = 1;     ///< Pixels per unit, 0.5..4; 2 for fine screens (PNG only).
   std::size_t max_rows =
       12;  ///< Of more incidences, this many are shown, evenly spaced; the picture says so.
 };

@@ -48,6 +48,8 @@ figure .picture{max-width:56rem;margin:0 auto}
 .on-light svg,.on-dark svg{min-width:38rem}
 figcaption{color:var(--faint);font-size:.85rem;margin-top:.6rem}
 code{font:.86em ui-monospace,"DejaVu Sans Mono",monospace}
+@media(max-width:40rem){.checks tr:first-child{display:none}.checks tr{display:grid;grid-template-columns:1fr auto;gap:0 .6rem;
+border-top:1px solid var(--line);padding:.5rem 0}.checks td{border:0;padding:.1rem 0}.checks .advice{grid-column:1/-1;min-width:0}.checks .limit{display:none}}
 @media print{body{background:#fff}section{break-inside:avoid}}
 )css";
 
@@ -107,11 +109,12 @@ void quality_section(std::string& page, const ReportContent& content) {
     return;
   }
   page +=
-      "<section><h2>Quality</h2><div class=wide><table><tr><th>Check<th>Value<th>Limit<th>Verdict<th>What it "
+      "<section><h2>Quality</h2><div class=wide><table "
+      "class=checks><tr><th>Check<th>Value<th>Limit<th>Verdict<th>What it "
       "says</tr>\n";
   for (const auto& row : content.quality) {
     page += fmt::format(
-        "<tr><td>{}<td class=number>{}<td class=number>{}<td><span class=\"chip {}\">{}</span><td "
+        "<tr><td>{}<td class=number>{}<td class=\"number limit\">{}<td><span class=\"chip {}\">{}</span><td "
         "class=advice>{}</tr>\n",
         html_escaped(row.name), html_escaped(row.value), html_escaped(row.limit), css_class(row.mark),
         word(row.mark), html_escaped(row.advice));
