@@ -1,8 +1,10 @@
 // What lies under the simulated instrument: a surface and what is wrong with it.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <string_view>
+#include <utility>
 
 #include "host_sdk/error/error.h"
 #include "host_sdk/reflectance/brdf.h"
@@ -21,7 +23,8 @@ struct Footprint {
 class Surface {
  public:
   virtual ~Surface() = default;
-  /// Scattering averaged over the footprint. Never null. For kBtdf the light comes from below.
+  /// Scattering averaged over the footprint. Never null, 1..kMaxChannels channels. For kBtdf the light comes
+  /// from below.
   [[nodiscard]] virtual std::shared_ptr<const reflectance::Brdf> lit(const Footprint& footprint) const = 0;
   [[nodiscard]] virtual reflectance::ScatterType type() const noexcept = 0;
 };
@@ -48,6 +51,9 @@ struct Defects {
   double uneven_rad = 0;        ///< Standard deviation of the facets' slope along x and along y, 0..10 deg.
   double soft = 0;              ///< Share of the signal lost as the sample sinks, 0..1.
 };
+
+/// Most channels that a surface may have.
+inline constexpr std::size_t kMaxChannels = 192;
 
 /// Surface and defects.
 class Sample {
