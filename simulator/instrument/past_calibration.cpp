@@ -1,0 +1,145 @@
+#include "simulator/instrument/past_calibration.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "protocol/frame.h"
+#include "protocol/link_decoder.h"
+#include "protocol/messages.h"
+#include "simulator/instrument/virtual_board.h"
+#include "simulator/instrument/virtual_instrument.h"
+
+namespace scatter::simulator {
+namespace {
+
+using namespace protocol;  // NOLINT(google-build-using-namespace): this file speaks nothing but protocol.
+
+/// The few requests of an earlier host, over the instrument's own link.
+class EarlierHost {
+ public:
+  explicit EarlierHost(VirtualInstrument& instrument) : instrument_(instrument) {}
+
+  /// Sends a request and waits for its reply of type R.
+  template <typename R, typename M>
+  Result<R> ask(const M& message) {
+    std::vector<std::byte> bytes(kMaxFrameBytes);
+    const FrameHeader header{.channel = Channel::kControl,
+                             .sequence = correlation_,
+                             .session = kNonce,
+                             .correlation = static_cast<std::uint16_t>(correlation_ + 1)};
+    ++correlation_;
+    bytes.resize(write_message(bytes, header, message));
+    if (instrument_.host_write(bytes) != bytes.size()) {
+      return refused(M::kName, "the link is full");
+    }
+    const std::uint64_t deadline = instrument_.now_us() + kPatienceUs;
+    std::optional<R> reply;
+    std::string refusal = "no answer";
+    while (!reply && instrument_.now_us() < deadline) {
+      instrument_.run_until(deadline);
+      std::array<std::byte, 4096> received;
+      const std::size_t count = instrument_.host_read(received);
+      decoder_.push(std::span(received).first(count), [&](const Frame& frame) {
+        if (frame.header().correlation != header.correlation) {
+          return;
+        }
+        if (const auto right = frame.as<R>()) {
+          reply = *right;
+        }
+        if (const auto status = frame.as<StatusReply>()) {
+          refusal = fmt::format("{}: {}", info(status->status).name, status->text.str());
+        }
+      });
+    }
+    if (!reply) {
+      return refused(M::kName, refusal);
+    }
+    return *reply;
+  }
+
+ private:
+  static constexpr std::uint16_t kNonce = 0x0001;
+  static constexpr std::uint64_t kPatienceUs = 5'000'000;
+
+  static std::unexpected<Error> refused(std::string_view request, const std::string& why) {
+    return fail(ErrorCode::kInternal, fmt::format("simulated past calibration: {}: {}", request, why),
+                "report this; it is a defect of ours");
+  }
+
+  VirtualInstrument& instrument_;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(kMaxFrameBytes);
+  LinkDecoder decoder_{buffer_};
+  std::uint32_t correlation_ = 0;
+};
+
+Status done(const Result<StatusReply>& reply, std::string_view what) {
+  if (!reply) {
+    return std::unexpected(reply.error());
+  }
+  if (reply->status != StatusCode::kOk) {
+    return fail(ErrorCode::kInternal,
+                fmt::format("simulated past calibration: {}: {}", what, reply->text.str()),
+                "report this; it is a defect of ours");
+  }
+  return {};
+}
+
+/// An id that no set of frames has: it does not come from a SHA-256.
+CalibrationId past_id(Target kind) {
+  CalibrationId id;
+  id.fill(0x0D);
+  id[0] = static_cast<std::uint8_t>(kind);
+  return id;
+}
+
+}  // namespace
+
+Status hold_past_calibration(VirtualInstrument& instrument) {
+  const Descriptor& descriptor = instrument.board().descriptor();
+  instrument.attach();
+  EarlierHost host(instrument);
+  if (const auto hello = host.ask<HelloReply>(Hello{.build_id = "past", .host_name = "earlier host"});
+      !hello) {
+    return std::unexpected(hello.error());
+  }
+  const auto begun = host.ask<CalibrationBegun>(CalibrationBegin{});
+  if (!begun) {
+    return std::unexpected(begun.error());
+  }
+  CalibrationManifest manifest;
+  manifest.unix_time_s = instrument.unix_time_us() / 1'000'000;
+  std::vector<CalibrationManifest> manifests;
+  manifest.kind = Target::kDarkCap;
+  manifest.id = past_id(manifest.kind);
+  manifests.push_back(manifest);
+  for (const ReferenceCertificate& certificate : descriptor.certificates) {
+    if (certificate.kind == Target::kTranslucentReference && descriptor.transmission_module == 0) {
+      continue;
+    }
+    manifest.kind = certificate.kind;
+    manifest.id = past_id(certificate.kind);
+    manifest.certificate_id = certificate.id;
+    manifests.push_back(manifest);
+  }
+  for (const CalibrationManifest& each : manifests) {
+    const CalibrationCommit commit{.session = begun->session, .manifest = each};
+    if (Status committed = done(host.ask<StatusReply>(commit), "calibration_commit"); !committed) {
+      return committed;
+    }
+  }
+  const CalibrationEnd end{.session = begun->session};
+  if (Status ended = done(host.ask<StatusReply>(end), "calibration_end"); !ended) {
+    return ended;
+  }
+  instrument.detach();
+  const std::uint64_t life_s = std::max(descriptor.reference_lifetime_s, descriptor.dark_lifetime_s);
+  instrument.board().clock().skip((life_s + 3600) * 1'000'000);
+  return {};
+}
+
+}  // namespace scatter::simulator

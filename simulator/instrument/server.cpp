@@ -1,0 +1,162 @@
+#include "simulator/instrument/server.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "firmware/core/step.h"
+#include "simulator/instrument/host_connection.h"
+#include "simulator/instrument/listener.h"
+#include "simulator/instrument/virtual_instrument.h"
+
+namespace scatter::simulator {
+
+struct Server::Parts {
+  Listener listener;
+  VirtualInstrument& instrument;
+  std::optional<HostConnection> host;
+  std::vector<TurnedAway> turned_away;
+  Statistics statistics;
+
+  void accept_all();
+  [[nodiscard]] bool pump_host();
+  [[nodiscard]] Status wait(int stop_event, std::uint64_t microseconds);
+};
+
+namespace {
+
+constexpr std::size_t kMostTurnedAway = 8;
+
+std::uint64_t microseconds_since(std::chrono::steady_clock::time_point start) {
+  return static_cast<std::uint64_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start)
+          .count());
+}
+
+}  // namespace
+
+void Server::Parts::accept_all() {
+  while (true) {
+    std::string peer;
+    FileDescriptor connection = listener.accept(peer);
+    if (!connection.open()) {
+      return;
+    }
+    if (!host) {
+      instrument.attach();
+      host.emplace(std::move(connection), std::move(peer), instrument);
+      ++statistics.hosts;
+      continue;
+    }
+    ++statistics.turned_away;
+    if (turned_away.size() < kMostTurnedAway) {
+      turned_away.emplace_back(std::move(connection), host->name());
+    }
+  }
+}
+
+/// True when bytes reached the instrument.
+bool Server::Parts::pump_host() {
+  bool moved = false;
+  if (host && host->pump(moved) == HostConnection::State::kGone) {
+    host.reset();
+    instrument.detach();
+  }
+  std::erase_if(turned_away, [](TurnedAway& each) { return !each.pump(); });
+  return moved;
+}
+
+Status Server::Parts::wait(int stop_event, std::uint64_t microseconds) {
+  std::vector<pollfd> files{{stop_event, POLLIN, 0}, {listener.number(), POLLIN, 0}};
+  if (host) {
+    files.push_back({host->number(), host->wanted_events(), 0});
+  }
+  for (const TurnedAway& each : turned_away) {
+    files.push_back({each.number(), POLLIN, 0});
+    microseconds = std::min<std::uint64_t>(microseconds, 50'000);
+  }
+  const timespec timeout{static_cast<time_t>(microseconds / 1'000'000),
+                         static_cast<long>(microseconds % 1'000'000 * 1000)};
+  if (::ppoll(files.data(), files.size(), &timeout, nullptr) < 0 && errno != EINTR) {
+    return fail(ErrorCode::kInternal, fmt::format("{}: poll: {}", listener.address(), std::strerror(errno)),
+                "start the server again");
+  }
+  return {};
+}
+
+Result<std::unique_ptr<Server>> Server::listen(std::string_view address, VirtualInstrument& instrument,
+                                               const ServerOptions& options) {
+  Result<Listener> listener = Listener::open(address, options.allow_remote);
+  if (!listener) {
+    return std::unexpected(std::move(listener.error()));
+  }
+  return std::unique_ptr<Server>(
+      new Server(std::unique_ptr<Parts>(new Parts{std::move(*listener), instrument, std::nullopt, {}, {}})));
+}
+
+Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+Server::~Server() = default;
+
+const std::string& Server::address() const noexcept {
+  return parts_->listener.address();
+}
+Server::Statistics Server::statistics() const noexcept {
+  return parts_->statistics;
+}
+
+Status Server::serve(const std::stop_token& stop) {
+  const FileDescriptor stop_event(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  const std::stop_callback wake_up(stop, [&stop_event] {
+    const std::uint64_t one = 1;
+    (void)!::write(stop_event.number(), &one, sizeof one);
+  });
+  VirtualInstrument& instrument = parts_->instrument;
+  const bool is_virtual = instrument.clock_mode() == ClockMode::kVirtual;
+  while (!stop.stop_requested()) {
+    parts_->accept_all();
+    const std::uint64_t wake = instrument.run_ready();
+    if (parts_->pump_host() || instrument.readable() > 0) {
+      if (!parts_->host || !parts_->host->host_is_slow()) {
+        continue;
+      }
+    }
+    const std::uint64_t now = instrument.now_us();
+    std::uint64_t pause = wake > now ? wake - now : 0;
+    const bool host_is_slow = parts_->host && parts_->host->host_is_slow();
+    // Nothing is scheduled: the device sleeps until the host asks for something.
+    const bool idle = pause >= firmware::kLongestSleepUs;
+    if (is_virtual && !idle && !host_is_slow) {
+      // A look at the sockets without waiting, so that an endless run still hears its host.
+      if (Status looked = parts_->wait(stop_event.number(), 0); !looked) {
+        return looked;
+      }
+      instrument.advance_to(wake);
+      continue;
+    }
+    const auto start = std::chrono::steady_clock::now();
+    if (Status waited = parts_->wait(stop_event.number(), pause); !waited) {
+      return waited;
+    }
+    if (is_virtual && !host_is_slow) {
+      instrument.advance_to(std::min(wake, now + microseconds_since(start)));
+    }
+  }
+  if (parts_->host) {
+    parts_->host.reset();
+    instrument.detach();
+  }
+  return {};
+}
+
+}  // namespace scatter::simulator
