@@ -8,8 +8,8 @@
 #include "host_sdk/error/error.h"
 #include "tools/plot/colour_map.h"
 
-typedef struct _cairo cairo_t;
-typedef struct _cairo_surface cairo_surface_t;
+using cairo_t = struct _cairo;
+using cairo_surface_t = struct _cairo_surface;
 
 namespace scatter::plot {
 
