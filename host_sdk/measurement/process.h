@@ -61,6 +61,9 @@ struct Measurement {
 [[nodiscard]] Result<Measurement> process(const std::filesystem::path& recording,
                                           const ProcessOptions& options);
 
+/// Albedo over the measured nodes of every part.
+[[nodiscard]] std::vector<AlbedoRow> measured_albedo(const reflectance::GridBrdf& brdf);
+
 /// Combines measurements of one sample: equal incidence and rotation average with weights
 /// 1 / random^2; different rotations become parts of one anisotropic BRDF. Adds the rows
 /// "repeatability" or "isotropy" to the quality report.

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -35,10 +36,17 @@ struct ReferenceImages {
   std::uint8_t illumination = 0;
   RateImage reference;  ///< White tile, or translucent standard for the transmission module.
   RateImage black;
-  float reference_level = 0;  ///< Mean share of the full well that `reference` was taken at.
+  /// Exposures that `reference` was taken with, ascending, times the monitor [s V]: rate times the
+  /// longest that fits the well is the level the sensor worked at.
+  std::vector<float> reference_exposures;
 };
 
 /// Immutable content of a calibration; identified by the SHA-256 of its serialised bytes.
+///
+/// Serialised form, little endian: "OSREF001", u32 header length, header (JSON text: serial, size,
+/// illuminations, certificates, times, temperatures), then planes of width * height in row order:
+/// dark offset f32, dark rate f32, then per illumination reference rate f32, reference variance
+/// bf16 (upper half of an f32), black rate f32, black variance bf16.
 class ReferenceSet {
  public:
   struct Content {
@@ -55,8 +63,14 @@ class ReferenceSet {
   };
 
   [[nodiscard]] static std::shared_ptr<const ReferenceSet> make(Content content);
+  /// A part (window) of a set that keeps the set's name.
+  [[nodiscard]] static std::shared_ptr<const ReferenceSet> with_identity(
+      Content content, const std::array<std::uint8_t, 32>& sha256);
+  /// `known_sha256` saves the hashing where another checksum covers the bytes (a recording's copy).
   /// Errors  kDataLoss naming what does not fit.
-  [[nodiscard]] static Result<std::shared_ptr<const ReferenceSet>> parse(std::span<const std::byte> bytes);
+  [[nodiscard]] static Result<std::shared_ptr<const ReferenceSet>> parse(
+      std::span<const std::byte> bytes,
+      const std::optional<std::array<std::uint8_t, 32>>& known_sha256 = std::nullopt);
   [[nodiscard]] std::vector<std::byte> serialise() const;
 
   [[nodiscard]] const Content& content() const noexcept { return content_; }
