@@ -37,11 +37,11 @@ Result<std::unique_ptr<Transport>> TransportRegistry::open(std::string_view uri,
   }
   if (parsed->scheme == "usb" || parsed->scheme == "serial") {
     return fail(ErrorCode::kUnimplemented,
-                "'" + std::string(uri) + "': the carrier " + parsed->scheme + ": is not built in yet",
+                std::string(uri) + ": the carrier " + parsed->scheme + ": is not built in yet",
                 "use one of " + known);
   }
-  return fail(ErrorCode::kInvalidArgument,
-              "'" + std::string(uri) + "': unknown scheme '" + parsed->scheme + "'", "use one of " + known);
+  return fail(ErrorCode::kInvalidArgument, std::string(uri) + ": unknown scheme '" + parsed->scheme + "'",
+              "use one of " + known);
 }
 
 }  // namespace scatter::device

@@ -12,6 +12,11 @@ constexpr bool is_scheme_character(char c) noexcept {
          c == '-';
 }
 
+/// In quotes; appended, as g++ 12 warns falsely about "'" + text.
+std::string quoted(std::string_view text) {
+  return std::string(1, '\'').append(text).append(1, '\'');
+}
+
 constexpr char lower(char c) noexcept {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
@@ -29,13 +34,13 @@ std::string Uri::text() const {
 Result<Uri> parse_uri(std::string_view text) {
   const std::size_t colon = text.find(':');
   if (colon == std::string_view::npos || colon == 0) {
-    return fail(ErrorCode::kInvalidArgument, "'" + std::string(text) + "' is not a device URI: no scheme",
+    return fail(ErrorCode::kInvalidArgument, quoted(text) + " is not a device URI: no scheme",
                 "write it like sim:, tcp:127.0.0.1:7000, unix:/run/scatter.sock or replay:run.scat");
   }
   const std::string_view scheme = text.substr(0, colon);
   if (!std::ranges::all_of(scheme, is_scheme_character)) {
     return fail(ErrorCode::kInvalidArgument,
-                "'" + std::string(text) + "' is not a device URI: bad character in the scheme",
+                quoted(text) + " is not a device URI: bad character in the scheme",
                 "write it like sim:, tcp:127.0.0.1:7000, unix:/run/scatter.sock or replay:run.scat");
   }
   Uri uri;
@@ -53,7 +58,7 @@ Result<Uri> parse_uri(std::string_view text) {
 Result<HostPort> parse_host_port(std::string_view place) {
   const std::size_t colon = place.rfind(':');
   const auto bad = [place](std::string_view why) {
-    return fail(ErrorCode::kInvalidArgument, "'" + std::string(place) + "': " + std::string(why),
+    return fail(ErrorCode::kInvalidArgument, quoted(place) + ": " + std::string(why),
                 "write host and port, for example tcp:127.0.0.1:7000 or tcp:[::1]:7000");
   };
   if (colon == std::string_view::npos) {
