@@ -160,8 +160,14 @@ void Dispatcher::reply_pending(const Header& request, std::uint64_t until_us) no
 }
 
 std::uint32_t Dispatcher::capabilities() const noexcept {
-  return (stage_.present() ? protocol::kCapabilityReferenceStage : 0U) |
-         (descriptor_.transmission_module != 0 ? protocol::kCapabilityTransmission : 0U);
+  std::uint32_t bits = 0;
+  if (stage_.present()) {
+    bits |= protocol::kCapabilityReferenceStage;
+  }
+  if (descriptor_.transmission_module != 0) {
+    bits |= protocol::kCapabilityTransmission;
+  }
+  return bits;
 }
 
 void Dispatcher::hello(const Header& request, const protocol::Hello& message) noexcept {
