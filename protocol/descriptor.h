@@ -128,9 +128,9 @@ struct SensorInfo {
 /// Certificate of one reference, one value per colour channel (red, green, blue).
 struct ReferenceCertificate {
   Target kind = Target::kWhiteReference;
-  BoundedString<48> id;
-  BoundedArray<float, 4> f_per_sr;  ///< BRDF (BTDF for the translucent standard), cosine not included.
-  BoundedArray<float, 4> relative_uncertainty;  ///< Standard, k = 1.
+  BoundedString<48> id{};
+  BoundedArray<float, 4> f_per_sr{};  ///< BRDF (BTDF for the translucent standard), cosine not included.
+  BoundedArray<float, 4> relative_uncertainty{};  ///< Standard, k = 1.
   static constexpr auto schema() {
     using C = ReferenceCertificate;
     return fields(field("kind", &C::kind, "", "2 white, 3 black, 4 translucent"),
@@ -143,11 +143,11 @@ struct ReferenceCertificate {
 };
 
 struct Descriptor {
-  BoundedString<32> product;
-  BoundedString<32> serial;
-  BoundedString<32> hardware_revision;
-  SensorInfo sensor;
-  Optics optics;
+  BoundedString<32> product{};
+  BoundedString<32> serial{};
+  BoundedString<32> hardware_revision{};
+  SensorInfo sensor{};
+  Optics optics{};
   float spot_diameter_mm = 0;     ///< At normal incidence.
   float monitor_slope_per_K = 0;  ///< Relative change of the monitor per kelvin of LED board.
   std::uint32_t dark_lifetime_s = 0;
@@ -155,10 +155,10 @@ struct Descriptor {
   std::int32_t calibration_span_mK = 0;  ///< A calibration expires when the temperature moved further.
   std::uint8_t reference_stage = 0;      ///< 1: the device places sample and references itself.
   std::uint8_t transmission_module = 0;  ///< 1: mounted; its illuminations are in the list.
-  FactoryUncertainty uncertainty;
-  BoundedArray<Illumination, kMaxIlluminations> illuminations;
-  BoundedArray<BlindSpot, 16> blind_spots;
-  BoundedArray<ReferenceCertificate, 4> certificates;  ///< Of the references delivered with the instrument.
+  FactoryUncertainty uncertainty{};
+  BoundedArray<Illumination, kMaxIlluminations> illuminations{};
+  BoundedArray<BlindSpot, 16> blind_spots{};
+  BoundedArray<ReferenceCertificate, 4> certificates{};  ///< Of the references delivered with the instrument.
   static constexpr auto schema() {
     using D = Descriptor;
     return fields(field("product", &D::product, "", ""), field("serial", &D::serial, "", ""),

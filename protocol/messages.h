@@ -128,7 +128,7 @@ struct CalibrationKindState {
   CalibrationId id{};
   std::uint32_t age_s = 0;
   std::int32_t temperature_change_mK = 0;
-  BoundedString<96> action;  ///< What the user must do; "" when valid.
+  BoundedString<96> action{};  ///< What the user must do; "" when valid.
   static constexpr auto schema() {
     using S = CalibrationKindState;
     return fields(field("kind", &S::kind, "", "1 dark cap, 2 white, 3 black, 4 translucent"),
@@ -152,8 +152,8 @@ struct Hello {
   std::uint32_t schema_digest = 0;
   std::uint32_t max_payload = 16384;
   std::uint32_t capabilities = 0;
-  BoundedString<32> build_id;
-  BoundedString<32> host_name;
+  BoundedString<32> build_id{};
+  BoundedString<32> host_name{};
   static constexpr auto schema() {
     return fields(
         field("min_wire_major", &Hello::min_wire_major, "", "lowest wire major the host speaks"),
@@ -177,9 +177,9 @@ struct HelloReply {
   std::uint32_t schema_digest = 0;
   std::uint32_t max_payload = 16384;
   std::uint32_t capabilities = 0;
-  BoundedString<32> build_id;
-  BoundedString<32> product;
-  BoundedString<32> serial;
+  BoundedString<32> build_id{};
+  BoundedString<32> product{};
+  BoundedString<32> serial{};
   std::uint8_t reset_reason = 0;
   std::uint32_t boot_count = 0;
   std::uint64_t device_time_us = 0;
@@ -212,7 +212,7 @@ struct StatusReply {
   StatusCode status = StatusCode::kOk;
   std::uint16_t request = 0;
   std::uint32_t pending_ms = 0;
-  BoundedString<128> text;
+  BoundedString<128> text{};
   static constexpr auto schema() {
     return fields(
         field("status", &StatusReply::status, "", "0 OK, 1 PENDING, else the reason"),
@@ -246,7 +246,7 @@ struct ObjectChunk {
   std::uint32_t offset = 0;
   std::uint32_t total = 0;
   std::uint32_t object_crc = 0;
-  TailBytes data;
+  TailBytes data{};
   static constexpr auto schema() {
     return fields(field("object", &ObjectChunk::object, "", "ObjectId"),
                   field("offset", &ObjectChunk::offset, "B", ""),
@@ -270,7 +270,7 @@ struct Configuration {
   static constexpr std::string_view kName = "configuration";
   static constexpr std::string_view kMeaning = "The recipe in force.";
   std::uint32_t epoch = 0;
-  Recipe recipe;
+  Recipe recipe{};
   static constexpr auto schema() {
     return fields(field("epoch", &Configuration::epoch, "", "settings epoch of this recipe"),
                   field("recipe", &Configuration::recipe, "", ""));
@@ -282,7 +282,7 @@ struct SetConfiguration {
   static constexpr MessageId kId = MessageId::kSetConfiguration;
   static constexpr std::string_view kName = "set_configuration";
   static constexpr std::string_view kMeaning = "Sets the recipe; not while a run is on.";
-  Recipe recipe;
+  Recipe recipe{};
   static constexpr auto schema() { return fields(field("recipe", &SetConfiguration::recipe, "", "")); }
 };
 
@@ -353,7 +353,7 @@ struct RunReport {
   static constexpr std::string_view kMeaning = "Reply of stop and abort: the device's half of the ledger.";
   std::uint32_t run_id = 0;
   std::uint8_t reason = 0;
-  Ledger ledger;
+  Ledger ledger{};
   std::uint32_t frames_sent = 0;
   std::uint64_t started_us = 0;
   std::uint64_t ended_us = 0;
@@ -445,7 +445,7 @@ struct FrameData {
   std::uint32_t frame_id = 0;
   std::uint32_t offset = 0;
   std::uint32_t total = 0;
-  TailBytes data;
+  TailBytes data{};
   static constexpr auto schema() {
     return fields(
         field("run_id", &FrameData::run_id, "", ""), field("frame_id", &FrameData::frame_id, "", ""),
@@ -483,7 +483,7 @@ struct RunFinished {
   static constexpr std::string_view kMeaning = "The run ended by itself or by a fault.";
   std::uint32_t run_id = 0;
   std::uint8_t reason = 0;
-  Ledger ledger;
+  Ledger ledger{};
   std::uint32_t frames_sent = 0;
   std::uint64_t started_us = 0;
   std::uint64_t ended_us = 0;
@@ -506,7 +506,7 @@ struct LogEvent {
   static constexpr std::string_view kMeaning = "A line of the device's log.";
   std::uint8_t level = 0;
   std::uint64_t device_time_us = 0;
-  BoundedString<128> text;
+  BoundedString<128> text{};
   static constexpr auto schema() {
     return fields(field("level", &LogEvent::level, "", "0 debug .. 4 error"),
                   field("device_time_us", &LogEvent::device_time_us, "us", ""),
@@ -521,7 +521,7 @@ struct FaultEvent {
   static constexpr std::string_view kMeaning = "Something is wrong with the device.";
   std::uint16_t fault = 0;
   std::uint64_t device_time_us = 0;
-  BoundedString<128> text;
+  BoundedString<128> text{};
   static constexpr auto schema() {
     return fields(field("fault", &FaultEvent::fault, "", "FaultCode"),
                   field("device_time_us", &FaultEvent::device_time_us, "us", ""),
@@ -618,7 +618,7 @@ struct CalibrationPlaced {
   static constexpr std::string_view kName = "calibration_placed";
   static constexpr std::string_view kMeaning = "The target is in place, or the user must place it.";
   std::uint8_t placed = 0;
-  BoundedString<128> instruction;
+  BoundedString<128> instruction{};
   static constexpr auto schema() {
     return fields(field("placed", &CalibrationPlaced::placed, "", "1: the stage placed it; 0: the user must"),
                   field("instruction", &CalibrationPlaced::instruction, "", "what the user must do"));
@@ -631,7 +631,7 @@ struct CalibrationCommit {
   static constexpr std::string_view kName = "calibration_commit";
   static constexpr std::string_view kMeaning = "Stores a manifest; the earlier one stays for undo.";
   std::uint32_t session = 0;
-  CalibrationManifest manifest;
+  CalibrationManifest manifest{};
   static constexpr auto schema() {
     return fields(field("session", &CalibrationCommit::session, "", ""),
                   field("manifest", &CalibrationCommit::manifest, "", ""));
@@ -661,7 +661,7 @@ struct CalibrationListed {
   static constexpr MessageId kId = MessageId::kCalibrationListed;
   static constexpr std::string_view kName = "calibration_listed";
   static constexpr std::string_view kMeaning = "The stored manifests.";
-  BoundedArray<CalibrationManifest, 8> manifests;
+  BoundedArray<CalibrationManifest, 8> manifests{};
   static constexpr auto schema() {
     return fields(field("manifests", &CalibrationListed::manifests, "", "newest first, factory last"));
   }
@@ -681,7 +681,7 @@ struct CalibrationState {
   static constexpr std::string_view kName = "calibration_state";
   static constexpr std::string_view kMeaning =
       "What can be used and what is needed; an ordinary result, not an error.";
-  BoundedArray<CalibrationKindState, 8> states;
+  BoundedArray<CalibrationKindState, 8> states{};
   static constexpr auto schema() {
     return fields(field("states", &CalibrationState::states, "", "one per kind"));
   }
@@ -710,7 +710,7 @@ struct KeyValueGet {
   static constexpr MessageId kId = MessageId::kKeyValueGet;
   static constexpr std::string_view kName = "key_value_get";
   static constexpr std::string_view kMeaning = "Reads a stored setting.";
-  BoundedString<32> key;
+  BoundedString<32> key{};
   static constexpr auto schema() { return fields(field("key", &KeyValueGet::key, "", "")); }
 };
 
@@ -719,8 +719,8 @@ struct KeyValue {
   static constexpr MessageId kId = MessageId::kKeyValue;
   static constexpr std::string_view kName = "key_value";
   static constexpr std::string_view kMeaning = "A stored setting.";
-  BoundedString<32> key;
-  BoundedString<64> value;
+  BoundedString<32> key{};
+  BoundedString<64> value{};
   std::uint8_t read_only = 0;
   static constexpr auto schema() {
     return fields(field("key", &KeyValue::key, "", ""), field("value", &KeyValue::value, "", ""),
@@ -733,8 +733,8 @@ struct KeyValueSet {
   static constexpr MessageId kId = MessageId::kKeyValueSet;
   static constexpr std::string_view kName = "key_value_set";
   static constexpr std::string_view kMeaning = "Writes a stored setting.";
-  BoundedString<32> key;
-  BoundedString<64> value;
+  BoundedString<32> key{};
+  BoundedString<64> value{};
   static constexpr auto schema() {
     return fields(field("key", &KeyValueSet::key, "", ""), field("value", &KeyValueSet::value, "", ""));
   }
@@ -780,7 +780,7 @@ struct UpdateBegin {
   static constexpr std::string_view kMeaning = "Announces a firmware image.";
   std::uint32_t image_size = 0;
   std::array<std::uint8_t, 32> image_sha256{};
-  BoundedString<32> version;
+  BoundedString<32> version{};
   static constexpr auto schema() {
     return fields(field("image_size", &UpdateBegin::image_size, "B", ""),
                   field("image_sha256", &UpdateBegin::image_sha256, "", ""),
@@ -794,7 +794,7 @@ struct UpdateWrite {
   static constexpr std::string_view kName = "update_write";
   static constexpr std::string_view kMeaning = "A part of the image; idempotent by offset.";
   std::uint32_t offset = 0;
-  TailBytes data;
+  TailBytes data{};
   static constexpr auto schema() {
     return fields(field("offset", &UpdateWrite::offset, "B", ""), field("data", &UpdateWrite::data, "", ""));
   }
@@ -832,8 +832,8 @@ struct UpdateState {
   static constexpr std::string_view kMeaning = "How far the update is.";
   std::uint8_t state = 0;
   std::uint32_t received = 0;
-  BoundedString<32> running_version;
-  BoundedString<32> other_version;
+  BoundedString<32> running_version{};
+  BoundedString<32> other_version{};
   std::uint8_t confirmed = 0;
   static constexpr auto schema() {
     return fields(field("state", &UpdateState::state, "", "UpdatePhase"),

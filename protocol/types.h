@@ -79,8 +79,8 @@ struct Ledger {
 /// repeated frames of one illumination lie far apart in time and show drift or a moving sample.
 /// The LED-off frames come at the start of each sweep.
 struct Recipe {
-  BoundedArray<std::uint8_t, kMaxIlluminations> illuminations;  ///< Indices into the descriptor's list.
-  BoundedArray<std::uint32_t, kMaxExposures> exposures_us;  ///< kFixed: all; kAuto: first = probe exposure.
+  BoundedArray<std::uint8_t, kMaxIlluminations> illuminations{};  ///< Indices into the descriptor's list.
+  BoundedArray<std::uint32_t, kMaxExposures> exposures_us{};  ///< kFixed: all; kAuto: first = probe exposure.
   ExposureMode exposure_mode = ExposureMode::kFixed;
   std::uint8_t max_brackets = 4;      ///< kAuto: at most this many exposures per illumination and sweep.
   std::uint16_t repeats = 1;          ///< Sweeps.
@@ -128,8 +128,8 @@ struct CalibrationManifest {
   std::uint32_t boot_count = 0;           ///< Boot in which device_time_us counts.
   std::int32_t sensor_temperature_mK = 0;
   std::int32_t led_temperature_mK = 0;
-  BoundedString<48> certificate_id;  ///< Which certificate the reference has; "" for dark.
-  BoundedArray<float, 6> scalars;    ///< Mean reference level per colour [e-/s], for information.
+  BoundedString<48> certificate_id{};  ///< Which certificate the reference has; "" for dark.
+  BoundedArray<float, 6> scalars{};    ///< Mean reference level per colour [e-/s], for information.
 
   static constexpr auto schema() {
     using M = CalibrationManifest;

@@ -14,6 +14,7 @@
 namespace scatter::protocol::test {
 
 using Bytes = std::vector<std::byte>;
+using Frames = std::vector<Bytes>;
 
 inline Bytes from_hex(std::string_view hex) {
   const auto digit = [](char c) { return c <= '9' ? c - '0' : c - 'a' + 10; };
