@@ -256,12 +256,16 @@ Result<Stream> Device::start(const StartOptions& options, const Wait& wait) {
       std::max<std::uint64_t>(kMaxWindowBytes / std::max<std::uint64_t>(frame_bytes, 1), 1);
   AssemblerLimits limits;
   limits.max_frame_bytes = static_cast<std::uint32_t>(frame_bytes);
-  limits.window = static_cast<std::uint32_t>(
+  StreamPlan plan;
+  plan.window = static_cast<std::uint32_t>(
       std::min<std::uint64_t>(std::clamp(options.credit_window, 1U, kMaxWindow), affordable));
-  limits.max_open = limits.window;
+  plan.live = impl_->configuration->recipe.live_preview != 0;
+  plan.recorder = options.recorder;
+  limits.max_open = plan.window;
+  limits.until = plan.window;
   limits.after_run = impl_->session->last_run;
   limits.epoch = impl_->configuration->epoch;
-  auto state = std::make_unique<Stream::State>(impl_->session, limits, options.recorder, limits.window);
+  auto state = std::make_unique<Stream::State>(impl_->session, limits, plan);
   const Status started =
       state->start(impl_->configuration->epoch, rest_of(wait, deadline, impl_->session->now()));
   if (!started) {

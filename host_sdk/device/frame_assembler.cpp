@@ -54,7 +54,7 @@ FrameAssembler::Open* FrameAssembler::find_or_open(std::uint32_t frame_id) {
     ++counters_.duplicate_chunks;
     return nullptr;
   }
-  if (frame_id - settled_until_ >= limits_.window) {
+  if (limits_.until && !protocol::comes_before(frame_id, *limits_.until)) {
     ++counters_.unrequested_chunks;
     return nullptr;
   }

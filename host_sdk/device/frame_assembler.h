@@ -19,8 +19,8 @@ namespace scatter::device {
 struct AssemblerLimits {
   /// Largest frame [B]; one that claims more is refused.
   std::uint32_t max_frame_bytes = 64U << 20U;
-  /// Ids this far from the last settled frame are refused: they were not asked for.
-  std::uint32_t window = 64;
+  /// Frame ids that were granted: before this one. Others are refused. Unset: all.
+  std::optional<std::uint32_t> until;
   /// Frames open at once; one more settles the oldest.
   std::size_t max_open = 64;
   /// The run that is meant. Unknown: the first stream message's, except ids not after `after_run`.
@@ -36,7 +36,7 @@ struct AssemblerCounters {
   std::uint64_t incomplete = 0;
   std::uint64_t ends_seen = 0;           ///< Distinct frames whose end arrived.
   std::uint64_t duplicate_chunks = 0;    ///< Contents already there, or the frame was settled before.
-  std::uint64_t unrequested_chunks = 0;  ///< Beyond the window, of another run, or malformed.
+  std::uint64_t unrequested_chunks = 0;  ///< Beyond the credit, of another run, or malformed.
 };
 
 /// Promises:
@@ -59,6 +59,7 @@ class FrameAssembler {
   void flush();
   /// Settles everything before `frame_id`, seen or not; such frames are refused from now on.
   void skip_to(std::uint32_t frame_id);
+  void set_until(std::uint32_t frame_id) noexcept { limits_.until = frame_id; }
   void set_run(std::uint32_t run_id) noexcept { limits_.run_id = run_id; }
 
   /// The next settled frame.

@@ -15,7 +15,6 @@ constexpr std::uint64_t kForgetBytes = 16U << 20U;
 
 AssemblerLimits limits_of(const RecordingReader::Impl& contents, std::size_t run) {
   AssemblerLimits limits;
-  limits.window = 0x7FFFFFFF;  // Nothing was granted here; what is in the file was sent.
   limits.max_open = 16;
   limits.run_id = contents.run_ids[run];
   if (run > 0) {

@@ -40,8 +40,6 @@ constexpr Duration kFirstRetry = std::chrono::milliseconds(250);
 constexpr Duration kLongestRetry = std::chrono::seconds(2);
 // A frame whose rest has not come for this long is damaged: look for whole ones inside it.
 constexpr Duration kFramePatience = std::chrono::milliseconds(200);
-// The longest that a PENDING reply is believed before the request is repeated.
-constexpr Duration kLongestPending = std::chrono::minutes(10);
 
 /// Spreads the bits of a time over the 16 of the nonce (splitmix64's finaliser).
 std::uint16_t nonce_from(std::uint64_t x) noexcept {
@@ -200,9 +198,10 @@ Status Session::exchange(MessageId id, std::string_view name, std::size_t payloa
         return settle(name, expected);
       }
       replied_ = false;
+      // The promise's end may be long after the reply, which may be lost: ask in between, it is harmless.
       const Duration promised = std::chrono::milliseconds(status->pending_ms);
-      next_send = now() + std::min(promised, kLongestPending) + kFirstRetry;
-      spacing = kFirstRetry;
+      spacing = kLongestRetry;
+      next_send = now() + std::clamp(promised, kFirstRetry, spacing);
     }
     if (!pumped && pumped.error().code != ErrorCode::kDeadlineExceeded) {
       return give_up(pumped.error());

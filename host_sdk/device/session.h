@@ -36,7 +36,7 @@ class WireSink {
 
 /// Promises:
 /// - a request is executed at most once: repetitions carry the same correlation id, at 250 ms, then
-///   twice as long each time up to 2 s, and pause while the device has promised a reply (PENDING);
+///   twice as long each time up to 2 s, which is also the pace after PENDING;
 /// - every call ends at its deadline on the transport's clock, or 20 ms after a stop request;
 /// - stream and event frames that arrive while somebody waits for a reply go to the sink at once;
 /// - frames of other sessions are discarded and counted; nothing a device sends grows memory.

@@ -16,6 +16,8 @@ using protocol::MessageId;
 constexpr Duration kSlice = std::chrono::milliseconds(20);
 // Silence after which the host asks what is going on: a credit or the end may have been lost.
 constexpr Duration kSilence = std::chrono::milliseconds(500);
+constexpr Duration kLiveSilence = std::chrono::milliseconds(100);
+constexpr std::uint32_t kMaxCatchUp = 1U << 20U;
 constexpr Duration kInquiry = std::chrono::seconds(1);
 // After the end of a run: control overtakes stream data, so the last chunks may still be on the way.
 constexpr Duration kTail = std::chrono::milliseconds(250);
@@ -33,13 +35,11 @@ protocol::RunReport as_report(const protocol::RunFinished& event) {
 
 }  // namespace
 
-Stream::State::State(std::shared_ptr<Session> session, const AssemblerLimits& limits,
-                     RecordingWriter* recorder, std::uint32_t window)
+Stream::State::State(std::shared_ptr<Session> session, const AssemblerLimits& limits, const StreamPlan& plan)
     : session_(std::move(session)),
       assembler_(std::make_shared<PixelPool>(), limits),
-      recorder_(recorder),
-      window_(window),
-      granted_until_(window),
+      plan_(plan),
+      granted_until_(plan.window),
       before_(session_->statistics()) {
   session_->set_sink(this);
 }
@@ -89,10 +89,10 @@ Status Stream::State::start(std::uint32_t epoch, const Wait& wait) {
 }
 
 void Stream::State::record(const protocol::Frame& frame, std::uint64_t host_time_unix_ns) {
-  if (recorder_ == nullptr || recorder_error_) {
+  if (plan_.recorder == nullptr || recorder_error_) {
     return;
   }
-  if (Status written = recorder_->wire(frame.bytes(), host_time_unix_ns); !written) {
+  if (Status written = plan_.recorder->wire(frame.bytes(), host_time_unix_ns); !written) {
     recorder_error_ = std::move(written.error());
   }
 }
@@ -101,6 +101,10 @@ void Stream::State::on_stream(const protocol::Frame& frame, std::uint64_t host_t
   last_activity_ = session_->now();
   record(frame, host_time_unix_ns);
   assembler_.accept(frame, host_time_unix_ns);
+  catch_up_ = 0;
+  while (plan_.live && assembler_.ready() > plan_.window) {
+    lost_host_ += assembler_.pop()->status == FrameStatus::kComplete ? 1U : 0U;
+  }
 }
 
 void Stream::State::on_message(const protocol::Frame& frame, std::uint64_t host_time_unix_ns) {
@@ -126,6 +130,7 @@ void Stream::State::take_report(const protocol::RunReport& report) {
 
 Status Stream::State::grant(std::uint32_t until, const std::stop_token& stop) {
   granted_until_ = until;
+  assembler_.set_until(until);
   const protocol::Credit credit{.run_id = started.run_id, .may_send_until = until};
   return session_->notify(credit, session_->now() + kInquiry, stop);
 }
@@ -151,7 +156,7 @@ Result<std::optional<Frame>> Stream::State::next(const Wait& wait) {
       return std::unexpected(*recorder_error_);
     }
     if (std::optional<Frame> frame = assembler_.pop()) {
-      const std::uint32_t until = frame->begin.frame_id + 1 + window_;
+      const std::uint32_t until = frame->begin.frame_id + 1 + plan_.window;
       if (!report_ && !broken_ && !finished_ && protocol::comes_before(granted_until_, until)) {
         // A grant that cannot be sent shows as a broken session when nothing more comes.
         (void)grant(until, wait.stop);
@@ -183,6 +188,10 @@ Result<std::optional<Frame>> Stream::State::next(const Wait& wait) {
     if (now >= deadline) {
       return fail(ErrorCode::kDeadlineExceeded, "stream: no frame came in time",
                   "wait longer; if it stays silent, check that the device has power and the cable is good");
+    }
+    if (plan_.live && !report_ && now - last_activity_ >= kLiveSilence && catch_up_ < kMaxCatchUp) {
+      (void)catch_up(wait.stop);
+      continue;
     }
     if (!report_ && now - last_activity_ >= kSilence) {
       const Status asked = inquire(std::min(deadline, now + kInquiry), wait.stop);
@@ -229,11 +238,15 @@ Status Stream::State::inquire(TimePoint deadline, const std::stop_token& stop) {
   if (state == protocol::RunState::kHolding) {
     // It has sent all it may. What is not here by now was lost on the way.
     assembler_.skip_to(granted_until_);
-    return grant(granted_until_ + window_ -
-                     static_cast<std::uint32_t>(std::min<std::size_t>(assembler_.ready(), window_ - 1)),
-                 stop);
+    return assembler_.ready() != 0 ? Status() : grant(granted_until_ + plan_.window, stop);
   }
   return grant(granted_until_, stop);
+}
+
+Status Stream::State::catch_up(const std::stop_token& stop) {
+  catch_up_ = catch_up_ == 0 ? plan_.window : 2 * catch_up_;
+  last_activity_ = session_->now();
+  return grant(granted_until_ + catch_up_, stop);
 }
 
 Error Stream::State::explain_restart(const std::stop_token& stop) {

@@ -13,9 +13,14 @@
 
 namespace scatter::device {
 
+struct StreamPlan {
+  RecordingWriter* recorder = nullptr;
+  std::uint32_t window = 8;
+  bool live = false;  ///< Live preview: the newest frames matter, older ones give way.
+};
+
 struct Stream::State final : WireSink {
-  State(std::shared_ptr<Session> session, const AssemblerLimits& limits, RecordingWriter* recorder,
-        std::uint32_t window);
+  State(std::shared_ptr<Session> session, const AssemblerLimits& limits, const StreamPlan& plan);
   ~State();
   State(const State&) = delete;
   State& operator=(const State&) = delete;
@@ -39,6 +44,9 @@ struct Stream::State final : WireSink {
   [[nodiscard]] Status grant(std::uint32_t until, const std::stop_token& stop);
   /// The device has been silent: asks how it is and mends what a lost message broke.
   [[nodiscard]] Status inquire(TimePoint deadline, const std::stop_token& stop);
+  /// Live preview drops frames at the source, ids included, so grants must catch up with ids that
+  /// the host cannot see: each is twice the last until something comes.
+  [[nodiscard]] Status catch_up(const std::stop_token& stop);
   [[nodiscard]] Error explain_restart(const std::stop_token& stop);
   void record(const protocol::Frame& frame, std::uint64_t host_time_unix_ns);
   void take_report(const protocol::RunReport& report);
@@ -47,9 +55,9 @@ struct Stream::State final : WireSink {
 
   std::shared_ptr<Session> session_;
   FrameAssembler assembler_;
-  RecordingWriter* recorder_;
-  std::uint32_t window_;
+  StreamPlan plan_;
   std::uint32_t granted_until_;
+  std::uint32_t catch_up_ = 0;  ///< Live preview: size of the next grant into the unknown.
   bool running_ = false;
   bool finished_ = false;
   bool stop_sent_ = false;
