@@ -1,6 +1,7 @@
 // OpenEXR streams in memory. Internal to formats: includes OpenEXR.
 #pragma once
 
+#include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfIO.h>
 
 #include <cstdint>
@@ -65,5 +66,15 @@ class ExrMemoryOutput final : public Imf::OStream {
   std::string bytes_;
   std::size_t at_ = 0;
 };
+
+/// False when an image claims more than its file can hold: asked before memory is taken.
+/// Deflate, the best packer among EXR's lossless ones, reaches 1032 : 1.
+[[nodiscard]] inline bool can_hold(const Imf::Header& header, std::size_t planes, std::size_t file_size) {
+  const Imath::Box2i& window = header.dataWindow();
+  const double width = static_cast<double>(window.max.x) - window.min.x + 1;
+  const double height = static_cast<double>(window.max.y) - window.min.y + 1;
+  const double least = header.compression() == Imf::NO_COMPRESSION ? 2.0 : 0.0019;
+  return width * height * static_cast<double>(planes) * least <= static_cast<double>(file_size);
+}
 
 }  // namespace scatter::formats

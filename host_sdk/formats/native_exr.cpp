@@ -39,13 +39,6 @@ constexpr std::string_view kMetadataPrefix = "scatter.";
 constexpr std::size_t kLongestKey = 200;
 constexpr std::size_t kMostParts = 100'000;
 
-/// Where the reader and the writer find the planes of a part.
-struct Planes {
-  std::vector<std::string> names;  ///< One per channel.
-  std::vector<float> pixels;
-  std::vector<float> origin;
-};
-
 std::vector<std::string> channel_names(std::size_t channels) {
   if (channels == 1) {
     return {"Y"};
@@ -260,12 +253,7 @@ class Decoder {
       }
     }
     here.channels = channels;
-    // Allocate only what the file can hold. Deflate, the best packer among EXR's lossless
-    // ones, reaches 1032 : 1.
-    const bool plain = header.compression() == Imf::NO_COMPRESSION;
-    const double values = static_cast<double>(here.phi_count) * static_cast<double>(here.theta_count) *
-                          static_cast<double>(planes);
-    if (values * (plain ? 2.0 : 0.002) > static_cast<double>(bytes_.size())) {
+    if (!can_hold(header, planes, bytes_.size())) {
       return fail(ErrorCode::kDataLoss,
                   fmt::format("{}: part {} claims {} x {} nodes in {} channels, more than its {} bytes hold",
                               name_, index, here.phi_count, here.theta_count, planes, bytes_.size()),

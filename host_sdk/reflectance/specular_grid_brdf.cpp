@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace scatter::reflectance {
@@ -54,13 +55,22 @@ Result<SpecularGridBrdf> SpecularGridBrdf::make(Content content) {
   if (content.f_per_sr.empty()) {
     return bad("no channel");
   }
-  for (const auto& plane : content.f_per_sr) {
-    if (plane.size() != expected) {
-      return bad(fmt::format("{} values, expected {}", plane.size(), expected));
+  for (const auto* planes : {&content.f_per_sr, &content.sigma_per_sr}) {
+    for (const auto& plane : *planes) {
+      if (plane.size() != expected) {
+        return bad(fmt::format("{} values, expected {}", plane.size(), expected));
+      }
+      if (!std::ranges::all_of(plane, [](float f) { return std::isfinite(f); })) {
+        return bad("a value that is not a finite number");
+      }
     }
-    if (!std::ranges::all_of(plane, [](float f) { return std::isfinite(f); })) {
-      return bad("a value that is not a finite number");
-    }
+  }
+  if (!content.sigma_per_sr.empty() && content.sigma_per_sr.size() != content.f_per_sr.size()) {
+    return bad(fmt::format("{} uncertainty channels for {} channels", content.sigma_per_sr.size(),
+                           content.f_per_sr.size()));
+  }
+  if (!content.origin.empty() && content.origin.size() != expected) {
+    return bad(fmt::format("{} origins, expected {}", content.origin.size(), expected));
   }
   if (!content.wavelengths_nm.empty() && content.wavelengths_nm.size() != content.f_per_sr.size()) {
     return bad(fmt::format("{} wavelengths for {} channels", content.wavelengths_nm.size(),
@@ -133,7 +143,26 @@ bool SpecularGridBrdf::above_horizon(std::size_t incidence, std::size_t azimuth,
 
 Origin SpecularGridBrdf::eval(const Direction& omega_i, const Direction& omega_o,
                               std::span<double> f_per_sr) const noexcept {
-  std::ranges::fill(f_per_sr, 0.0);
+  const Origin origin = blend(content_.f_per_sr, omega_i, omega_o, f_per_sr);
+  if (origin == Origin::kInvalid) {
+    std::ranges::fill(f_per_sr, 0.0);
+  }
+  return origin;
+}
+
+bool SpecularGridBrdf::uncertainty(const Direction& omega_i, const Direction& omega_o,
+                                   std::span<double> random_per_sr,
+                                   std::span<double> systematic_per_sr) const noexcept {
+  if (content_.sigma_per_sr.empty() ||
+      blend(content_.sigma_per_sr, omega_i, omega_o, systematic_per_sr) == Origin::kInvalid) {
+    return false;
+  }
+  std::ranges::fill(random_per_sr, 0.0);
+  return true;
+}
+
+Origin SpecularGridBrdf::blend(const std::vector<std::vector<float>>& planes, const Direction& omega_i,
+                               const Direction& omega_o, std::span<double> out) const noexcept {
   const double up = content_.type == ScatterType::kBrdf ? omega_o.z : -omega_o.z;
   if (!(omega_i.z > 0 && up > 0)) {
     return Origin::kInvalid;
@@ -164,6 +193,8 @@ Origin SpecularGridBrdf::eval(const Direction& omega_i, const Direction& omega_o
   if (incidence.outside || rotation.outside || radial.outside || azimuth.outside) {
     origin = Origin::kExtrapolated;
   }
+  std::array<std::pair<std::size_t, double>, 16> taps;
+  std::size_t count = 0;
   for (int corner = 0; corner < 16; ++corner) {
     const auto pick = [&](const Bracket& b, int bit) {
       const bool high = ((corner >> bit) & 1) != 0;
@@ -177,13 +208,22 @@ Origin SpecularGridBrdf::eval(const Direction& omega_i, const Direction& omega_o
     if (weight == 0) {
       continue;
     }
-    if (!above_horizon(a, p, r)) {
-      origin = Origin::kExtrapolated;
-    }
     const std::size_t node =
         ((q * content_.theta_i.size() + a) * content_.azimuth.size() + p) * content_.radial.size() + r;
-    for (std::size_t channel = 0; channel < f_per_sr.size(); ++channel) {
-      f_per_sr[channel] += weight * static_cast<double>(content_.f_per_sr[channel][node]);
+    if (!content_.origin.empty()) {
+      origin = combined(origin, content_.origin[node]);
+    } else if (!above_horizon(a, p, r)) {
+      origin = combined(origin, Origin::kExtrapolated);
+    }
+    taps[count++] = {node, weight};
+  }
+  if (origin == Origin::kInvalid) {
+    return origin;
+  }
+  std::ranges::fill(out, 0.0);
+  for (const auto& [node, weight] : std::span(taps).first(count)) {
+    for (std::size_t channel = 0; channel < out.size(); ++channel) {
+      out[channel] += weight * static_cast<double>(planes[channel][node]);
     }
   }
   return origin;

@@ -31,6 +31,10 @@ class SpecularGridBrdf final : public Brdf {
     std::vector<double> radial;    ///< 0..pi.
     /// [channel][((rotation * incidences + incidence) * azimuths + azimuth) * radials + radial].
     std::vector<std::vector<float>> f_per_sr;
+    /// Total standard uncertainty, as f_per_sr; empty when unknown.
+    std::vector<std::vector<float>> sigma_per_sr;
+    /// One per node, as one channel of f_per_sr; empty: measured above the horizon.
+    std::vector<Origin> origin;
     /// Total scatter that the file states, [channel][rotation * incidences + incidence], 0..1;
     /// advisory, may be empty.
     std::vector<std::vector<double>> stated_total;
@@ -54,12 +58,16 @@ class SpecularGridBrdf final : public Brdf {
     return content_.wavelengths_nm;
   }
   /// Bilinear in (radial, azimuth), kMeasured; linear between incidences (and rotations at most
-  /// 90 deg apart) at the same radial and azimuth, kInterpolated. kExtrapolated: nearest
-  /// incidence or rotation outside, nearest radial outside, or a node in use lies below the
-  /// horizon, where files hold invented numbers. kInvalid: omega_o on the wrong side.
-  /// One rotation: the sample is taken as isotropic.
+  /// 90 deg apart) at the same radial and azimuth, kInterpolated; worse where a node in use is.
+  /// kExtrapolated: nearest incidence or rotation outside, nearest radial outside, or a node in use lies
+  /// below the horizon, where files hold invented numbers. kInvalid: omega_o on the wrong side. One rotation:
+  /// the sample is taken as isotropic.
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override;
+  /// All of sigma as systematic: a total does not average away.
+  [[nodiscard]] bool uncertainty(const Direction& omega_i, const Direction& omega_o,
+                                 std::span<double> random_per_sr,
+                                 std::span<double> systematic_per_sr) const noexcept override;
 
  private:
   /// Neighbours on an axis and the share of the upper one.
@@ -72,6 +80,9 @@ class SpecularGridBrdf final : public Brdf {
   explicit SpecularGridBrdf(Content content);
   [[nodiscard]] static Bracket bracket(std::span<const double> axis, double value) noexcept;
   [[nodiscard]] static Bracket periodic(std::span<const double> axis, double value, double widest) noexcept;
+  /// out stays untouched when the result is kInvalid.
+  [[nodiscard]] Origin blend(const std::vector<std::vector<float>>& planes, const Direction& omega_i,
+                             const Direction& omega_o, std::span<double> out) const noexcept;
   [[nodiscard]] bool above_horizon(std::size_t incidence, std::size_t azimuth,
                                    std::size_t radial) const noexcept;
 

@@ -1,0 +1,86 @@
+#include "host_sdk/formats/open_brdf.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+
+#include "host_sdk/formats/classify.h"
+#include "host_sdk/formats/exr_tiles.h"
+#include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/formats/minidiff.h"
+#include "host_sdk/formats/native_exr.h"
+#include "host_sdk/formats/zemax.h"
+#include "host_sdk/reflectance/model_spec.h"
+
+namespace scatter::formats {
+namespace {
+
+using reflectance::Brdf;
+
+constexpr const char* kReadable = "use a Zemax, MiniDiff, OpenEXR grid or OpenEXR tile file";
+
+template <typename T>
+Result<std::shared_ptr<const Brdf>> shared(Result<T> brdf) {
+  if (!brdf) {
+    return std::unexpected(std::move(brdf.error()));
+  }
+  return std::make_shared<const T>(std::move(*brdf));
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Brdf>> decode_brdf(std::string_view bytes, std::string_view name_of_file) {
+  const Format format = classify(bytes);
+  switch (format) {
+    case Format::kZemax:
+      return shared(decode_zemax(bytes, name_of_file));
+    case Format::kMiniDiff:
+      return shared(decode_minidiff(bytes, name_of_file));
+    case Format::kNativeExr:
+      return shared(decode_native_exr(bytes, name_of_file));
+    case Format::kExrTiles:
+      return shared(decode_exr_tiles(bytes, name_of_file));
+    case Format::kRgl:
+    case Format::kMerl:
+    case Format::kBird:
+      return fail(ErrorCode::kUnimplemented,
+                  fmt::format("{}: is a {} file, which is not read yet", name_of_file, name(format)),
+                  kReadable);
+    case Format::kRecording:
+      return fail(ErrorCode::kInvalidArgument,
+                  fmt::format("{}: is a recording, which holds raw frames and no BRDF", name_of_file),
+                  "run 'scatter process' on it first");
+    case Format::kExrOther:
+      return fail(ErrorCode::kInvalidArgument,
+                  fmt::format("{}: is an OpenEXR image without BRDF attributes", name_of_file), kReadable);
+    case Format::kUnknown:
+      break;
+  }
+  return fail(ErrorCode::kInvalidArgument,
+              bytes.empty() ? fmt::format("{}: is empty", name_of_file)
+                            : fmt::format("{}: is no BRDF format that is known", name_of_file),
+              kReadable);
+}
+
+Result<std::shared_ptr<const Brdf>> open_brdf(std::string_view path_or_spec) {
+  if (reflectance::is_model_spec(path_or_spec)) {
+    return reflectance::make_model(path_or_spec);
+  }
+  constexpr std::string_view kFile = "file:";
+  if (path_or_spec.starts_with(kFile)) {
+    path_or_spec.remove_prefix(kFile.size());
+  }
+  auto bytes = read_file(std::filesystem::path(path_or_spec));
+  if (!bytes) {
+    if (bytes.error().code == ErrorCode::kNotFound) {
+      bytes.error().remedy +=
+          ", or name a model: lambertian:0.5, ggx:alpha=0.2, film:transmittance=0.6,haze=0.3";
+    }
+    return std::unexpected(std::move(bytes.error()));
+  }
+  return decode_brdf(*bytes, path_or_spec);
+}
+
+}  // namespace scatter::formats

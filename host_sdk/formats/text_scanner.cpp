@@ -1,0 +1,168 @@
+#include "host_sdk/formats/text_scanner.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+namespace scatter::formats {
+namespace {
+
+bool is_blank(char c) noexcept {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\f' || c == '\v';
+}
+
+const char* word_end(const char* at, const char* end) noexcept {
+  while (at != end && !is_blank(*at) && *at != '\n') {
+    ++at;
+  }
+  return at;
+}
+
+char lower(char c) noexcept {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+
+/// Words from damaged files may hold anything: only what prints goes into a message.
+std::string printable(std::string_view word) {
+  std::string out;
+  for (const char c : word.substr(0, 40)) {
+    out += c >= ' ' && c <= '~' ? c : '?';
+  }
+  return out;
+}
+
+}  // namespace
+
+bool same_word(std::string_view a, std::string_view b) noexcept {
+  return std::ranges::equal(a, b, {}, lower, lower);
+}
+
+TextScanner::TextScanner(std::string_view text, std::string_view name)
+    : at_(text.data()), end_(text.data() + text.size()), name_(name) {
+  if (text.starts_with("\xEF\xBB\xBF")) {
+    at_ += 3;
+  }
+}
+
+void TextScanner::skip() {
+  while (at_ != end_) {
+    if (*at_ == '\n') {
+      ++line_;
+      ++at_;
+    } else if (is_blank(*at_)) {
+      ++at_;
+    } else if (*at_ == '#') {
+      at_ = std::find(at_, end_, '\n');
+    } else {
+      return;
+    }
+  }
+}
+
+std::string_view TextScanner::peek() {
+  skip();
+  return {at_, word_end(at_, end_)};
+}
+
+std::string_view TextScanner::take() {
+  const std::string_view word = peek();
+  at_ += word.size();
+  return word;
+}
+
+std::string_view TextScanner::take_line() {
+  const char* stop = std::find(at_, end_, '\n');
+  std::string_view line(at_, stop);
+  at_ = stop;
+  while (!line.empty() && is_blank(line.front())) {
+    line.remove_prefix(1);
+  }
+  while (!line.empty() && is_blank(line.back())) {
+    line.remove_suffix(1);
+  }
+  return line;
+}
+
+bool TextScanner::take_if(std::string_view word) {
+  if (!same_word(peek(), word)) {
+    return false;
+  }
+  at_ += word.size();
+  return true;
+}
+
+bool TextScanner::parse(double& value) {
+  skip();
+  const char* start = at_ != end_ && *at_ == '+' ? at_ + 1 : at_;
+  const auto [stop, error] = std::from_chars(start, end_, value);
+  if (error != std::errc{} || !std::isfinite(value) || (stop != end_ && !is_blank(*stop) && *stop != '\n')) {
+    return false;
+  }
+  at_ = stop;
+  return true;
+}
+
+Result<double> TextScanner::number(std::string_view what) {
+  double value = 0;
+  if (!parse(value)) {
+    return expected(fmt::format("{} (a number)", what));
+  }
+  return value;
+}
+
+Status TextScanner::numbers(std::string_view what, std::span<float> out) {
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    double value = 0;
+    if (!parse(value)) {
+      return expected(fmt::format("{} {} of {} (a number)", what, k + 1, out.size()));
+    }
+    out[k] = static_cast<float>(value);
+    if (!std::isfinite(out[k])) {
+      return error(fmt::format("{} {} is {}, too large for a 32-bit float", what, k + 1, value));
+    }
+  }
+  return {};
+}
+
+Result<std::size_t> TextScanner::count(std::string_view what, std::size_t limit) {
+  const std::string_view word = peek();
+  std::size_t value = 0;
+  const auto [stop, error_code] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error_code != std::errc{} || stop != word.data() + word.size() || value < 1 || value > limit) {
+    return expected(fmt::format("{} (a count 1..{})", what, limit));
+  }
+  if (value > remaining() / 2) {
+    return error(fmt::format("{} is {}, but only {} bytes follow", what, value, remaining()));
+  }
+  at_ += word.size();
+  return value;
+}
+
+Result<std::vector<double>> TextScanner::list(std::string_view what, std::size_t limit) {
+  const auto size = count(what, limit);
+  if (!size) {
+    return std::unexpected(size.error());
+  }
+  std::vector<double> out(*size);
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    if (!parse(out[k])) {
+      return expected(fmt::format("{} {} of {} (a number)", what, k + 1, out.size()));
+    }
+  }
+  return out;
+}
+
+std::unexpected<Error> TextScanner::error(std::string_view what) const {
+  return fail(ErrorCode::kDataLoss, fmt::format("{}: line {}: {}", name_, line_, what),
+              "export the file again or correct this line");
+}
+
+std::unexpected<Error> TextScanner::expected(std::string_view what) {
+  const std::string_view word = peek();
+  return error(fmt::format("expected {}, found {}", what,
+                           word.empty() ? "the end of the file" : fmt::format("'{}'", printable(word))));
+}
+
+}  // namespace scatter::formats

@@ -1,0 +1,264 @@
+#include "host_sdk/formats/zemax.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/formats/text_scanner.h"
+
+namespace scatter::formats {
+namespace {
+
+using reflectance::ScatterType;
+using reflectance::SpecularGridBrdf;
+
+constexpr std::size_t kLongestAxis = 100'000;
+/// Larger disagreement of TIS and integral is told. Measured data cut at 80 deg miss up to 17 %.
+constexpr double kToldMismatch = 0.25;
+
+struct Section {
+  std::string_view word;
+  std::size_t channel;
+};
+constexpr std::array<Section, 10> kSections{{{"Monochrome", 0},
+                                             {"TristimulusX", 0},
+                                             {"TristimulusY", 1},
+                                             {"TristimulusZ", 2},
+                                             {"TristimulusR", 0},
+                                             {"TristimulusG", 1},
+                                             {"TristimulusB", 2},
+                                             {"Red", 0},
+                                             {"Green", 1},
+                                             {"Blue", 2}}};
+
+const Section* section_of(std::string_view word) {
+  const auto it = std::ranges::find_if(kSections, [&](const Section& s) { return same_word(s.word, word); });
+  return it == kSections.end() ? nullptr : &*it;
+}
+
+std::vector<double> in_radians(std::vector<double> angles_deg) {
+  for (double& angle : angles_deg) {
+    angle = reflectance::radians(angle);
+  }
+  return angles_deg;
+}
+
+class Decoder {
+ public:
+  Decoder(std::string_view text, std::string_view name) : scan_(text, name), name_(name) {}
+
+  Result<SpecularGridBrdf> decode() {
+    if (Status status = read_header(); !status) {
+      return std::unexpected(status.error());
+    }
+    if (Status status = read_sections(); !status) {
+      return std::unexpected(status.error());
+    }
+    auto grid = SpecularGridBrdf::make(std::move(content_));
+    if (!grid) {
+      return fail(ErrorCode::kDataLoss, fmt::format("{}: {}", name_, grid.error().what), grid.error().remedy);
+    }
+    return with_notes(std::move(*grid));
+  }
+
+ private:
+  enum Key : std::size_t { kSource, kSymmetry, kSpectral, kType, kRotation, kIncidence, kAzimuth, kRadial };
+  static constexpr std::array<std::string_view, 8> kKeys{
+      "Source",         "Symmetry",         "SpectralContent", "ScatterType",
+      "SampleRotation", "AngleOfIncidence", "ScatterAzimuth",  "ScatterRadial"};
+
+  Status read_header() {
+    std::array<bool, kKeys.size()> seen{};
+    while (section_of(scan_.peek()) == nullptr) {
+      std::size_t key = 0;
+      while (key < kKeys.size() && !same_word(kKeys[key], scan_.peek())) {
+        ++key;
+      }
+      if (key == kKeys.size()) {
+        return scan_.expected("a keyword of the header or Monochrome, TristimulusX, ...");
+      }
+      if (seen[key]) {
+        return scan_.error(fmt::format("{} is there twice", kKeys[key]));
+      }
+      seen[key] = true;
+      (void)scan_.take();
+      if (Status status = read_key(static_cast<Key>(key)); !status) {
+        return status;
+      }
+    }
+    for (std::size_t key = kSymmetry; key < kKeys.size(); ++key) {
+      if (!seen[key]) {
+        return scan_.error(fmt::format("{} is missing before the data", kKeys[key]));
+      }
+    }
+    return {};
+  }
+
+  Status read_key(Key key) {
+    switch (key) {
+      case kSource:
+        content_.metadata["source"] = scan_.take();
+        return {};
+      case kSymmetry:
+        return read_symmetry();
+      case kSpectral:
+        return read_spectral();
+      case kType:
+        if (scan_.take_if("BTDF")) {
+          content_.type = ScatterType::kBtdf;
+        } else if (!scan_.take_if("BRDF")) {
+          return scan_.expected("BRDF or BTDF");
+        }
+        return {};
+      case kRotation:
+        return read_axis(key, content_.rotation);
+      case kIncidence:
+        return read_axis(key, content_.theta_i);
+      case kAzimuth:
+        return read_axis(key, content_.azimuth);
+      case kRadial:
+        return read_axis(key, content_.radial);
+    }
+    return {};
+  }
+
+  Status read_symmetry() {
+    if (scan_.take_if("PlaneSymmetrical") || scan_.take_if("PlaneSymmetric")) {
+      content_.plane_symmetric = true;
+    } else if (!scan_.take_if("Asymmetrical") && !scan_.take_if("Asymmetric") &&
+               !scan_.take_if("Asymmetrical4D") && !scan_.take_if("Asymmetric4D")) {
+      return scan_.expected("PlaneSymmetrical, Asymmetrical or Asymmetrical4D");
+    }
+    return {};
+  }
+
+  Status read_spectral() {
+    const std::string_view word = scan_.peek();
+    if (same_word(word, "Monochrome")) {
+      channels_ = 1;
+    } else if (same_word(word, "XYZ") || same_word(word, "RGB")) {
+      channels_ = 3;
+    } else {
+      return scan_.expected("Monochrome, XYZ or RGB");
+    }
+    content_.metadata["spectral_content"] = scan_.take();
+    return {};
+  }
+
+  Status read_axis(Key key, std::vector<double>& axis) {
+    auto angles = scan_.list(kKeys[key], kLongestAxis);
+    if (!angles) {
+      return std::unexpected(angles.error());
+    }
+    axis = in_radians(std::move(*angles));
+    return {};
+  }
+
+  Status read_sections() {
+    const std::size_t blocks = content_.rotation.size() * content_.theta_i.size();
+    const std::size_t block = content_.azimuth.size() * content_.radial.size();
+    const double values =
+        static_cast<double>(blocks) * static_cast<double>(block) * static_cast<double>(channels_);
+    if (2 * values > static_cast<double>(scan_.remaining()) + 2) {
+      return scan_.error(
+          fmt::format("{} values announced, but only {} bytes follow", values, scan_.remaining()));
+    }
+    content_.f_per_sr.resize(channels_);
+    content_.stated_total.resize(channels_);
+    for (std::size_t k = 0; k < channels_; ++k) {
+      const Section* section = section_of(scan_.peek());
+      if (section == nullptr || section->channel >= channels_) {
+        return scan_.expected(
+            fmt::format("data section {} of {} (Monochrome, TristimulusX, ...)", k + 1, channels_));
+      }
+      auto& plane = content_.f_per_sr[section->channel];
+      if (!plane.empty()) {
+        return scan_.error(fmt::format("{} is there twice", section->word));
+      }
+      (void)scan_.take();
+      (void)scan_.take_if("DataBegin");
+      plane.resize(blocks * block);
+      for (std::size_t b = 0; b < blocks; ++b) {
+        if (!scan_.take_if("TIS")) {
+          return scan_.expected(fmt::format("TIS of block {} of {}", b + 1, blocks));
+        }
+        const auto total = scan_.number("TIS");
+        if (!total) {
+          return std::unexpected(total.error());
+        }
+        content_.stated_total[section->channel].push_back(*total);
+        if (Status status = scan_.numbers("value", std::span(plane).subspan(b * block, block)); !status) {
+          return status;
+        }
+      }
+      (void)scan_.take_if("DataEnd");
+    }
+    if (!scan_.at_end()) {
+      return scan_.expected("the end of the file");
+    }
+    return {};
+  }
+
+  /// TIS is advisory (formats.md 1): recomputed, and told where it disagrees.
+  static SpecularGridBrdf with_notes(SpecularGridBrdf grid) {
+    const SpecularGridBrdf::Content& content = grid.content();
+    std::string notes;
+    std::size_t plain_agrees = 0;
+    std::size_t cosine_agrees = 0;
+    for (std::size_t channel = 0; channel < content.f_per_sr.size(); ++channel) {
+      for (std::size_t q = 0; q < content.rotation.size(); ++q) {
+        for (std::size_t a = 0; a < content.theta_i.size(); ++a) {
+          const double stated = content.stated_total[channel][q * content.theta_i.size() + a];
+          const double found = grid.integral(channel, q, a);
+          const double plain = grid.integral(channel, q, a, false, false);
+          const auto agrees = [&](double x) {
+            return std::abs(x - stated) <= kToldMismatch * std::abs(stated);
+          };
+          cosine_agrees += agrees(found);
+          plain_agrees += agrees(plain);
+          if (!agrees(found)) {
+            notes +=
+                fmt::format("channel {}, rotation {:g} deg, incidence {:g} deg: TIS {:g}, integral {:.4g}\n",
+                            channel, reflectance::degrees(content.rotation[q]),
+                            reflectance::degrees(content.theta_i[a]), stated, found);
+          }
+        }
+      }
+    }
+    if (notes.empty()) {
+      return grid;
+    }
+    if (plain_agrees > 2 * cosine_agrees) {
+      notes += "TIS fits the integral without cosine: the values may be cosine-weighted\n";
+    }
+    SpecularGridBrdf::Content noted = content;
+    noted.metadata["notes"] = notes;
+    return SpecularGridBrdf::make(std::move(noted)).value_or(std::move(grid));
+  }
+
+  TextScanner scan_;
+  std::string_view name_;
+  std::size_t channels_ = 1;
+  SpecularGridBrdf::Content content_;
+};
+
+}  // namespace
+
+Result<SpecularGridBrdf> decode_zemax(std::string_view text, std::string_view name) {
+  return Decoder(text, name).decode();
+}
+
+Result<SpecularGridBrdf> read_zemax(const std::filesystem::path& path) {
+  const auto text = read_file(path);
+  if (!text) {
+    return std::unexpected(text.error());
+  }
+  return decode_zemax(*text, path.string());
+}
+
+}  // namespace scatter::formats
