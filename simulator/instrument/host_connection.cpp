@@ -144,8 +144,8 @@ void TurnedAway::reply(const protocol::FrameHeader& to) {
   protocol::StatusReply busy;
   busy.status = protocol::StatusCode::kBusy;
   busy.request = to.message;
-  busy.text = std::string_view(
-      fmt::format("the instrument is held by {}; close that program first", holder_));
+  busy.text =
+      std::string_view(fmt::format("the instrument is held by {}; close that program first", holder_));
   std::array<std::byte, 512> frame;
   const std::size_t size =
       protocol::write_message(frame, {.session = to.session, .correlation = to.correlation}, busy);

@@ -33,7 +33,9 @@ Result<std::unique_ptr<VirtualInstrument>> VirtualInstrument::make(const Instrum
 }
 
 VirtualInstrument::VirtualInstrument(std::unique_ptr<VirtualBoard> board)
-    : board_(std::move(board)), core_(std::make_unique<firmware::Instrument>(board_->ports())) {}
+    : board_(std::move(board)),
+      ports_(std::make_unique<firmware::Ports>(board_->ports())),
+      core_(std::make_unique<firmware::Instrument>(*ports_)) {}
 
 VirtualInstrument::~VirtualInstrument() = default;
 
@@ -77,7 +79,7 @@ ClockMode VirtualInstrument::clock_mode() const noexcept {
 void VirtualInstrument::restart_if_wanted() {
   if (const auto reason = board_->restart_wanted()) {
     board_->restart(*reason);
-    core_ = std::make_unique<firmware::Instrument>(board_->ports());
+    core_ = std::make_unique<firmware::Instrument>(*ports_);
   }
 }
 

@@ -11,7 +11,8 @@
 
 namespace scatter::firmware {
 class Instrument;
-}
+struct Ports;
+}  // namespace scatter::firmware
 
 namespace scatter::simulator {
 
@@ -72,6 +73,7 @@ class VirtualInstrument {
   void restart_if_wanted();
 
   std::unique_ptr<VirtualBoard> board_;
+  std::unique_ptr<firmware::Ports> ports_;
   std::unique_ptr<firmware::Instrument> core_;
 };
 
