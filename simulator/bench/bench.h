@@ -32,10 +32,10 @@ struct BenchOptions {
   std::uint64_t seed = 1;  ///< Of everything random: instrument, draws and noise.
   Profile profile = Profile::kHs1;
   References references = References::kExact;
-  bool transmission_module = false;      ///< Mounted anyway when the sample transmits.
-  bool reference_stage = true;           ///< Only told to the descriptor.
-  std::shared_ptr<const Sample> sample;  ///< Must be given.
-  BenchFaults faults;
+  bool transmission_module = false;           ///< Mounted anyway when the sample transmits.
+  bool reference_stage = true;                ///< Only told to the descriptor.
+  std::shared_ptr<const Sample> sample = {};  ///< Must be given.
+  BenchFaults faults = {};
 };
 
 struct Exposure {

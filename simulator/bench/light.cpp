@@ -14,8 +14,9 @@ using Vector = reflectance::Direction;
 
 /// Estimated change by averaging, relative, below which the value at the pixel's middle will do.
 constexpr double kSmooth = 2e-5;
-/// The same, above which the finest rule is needed.
-constexpr double kSharp = 0.05;
+/// The same, above which seven source points are too few, and above which only the finest rule will do.
+constexpr double kSharp = 0.004;
+constexpr double kSharpest = 0.05;
 
 struct SourcePoint {
   Vector towards;
@@ -43,36 +44,57 @@ Vector on_disc(const Head& head, double q, double a) noexcept {
 }
 
 /// Degree 5 on the disc (Radon's seven points), degree 3 on the pixel (2 x 2 Gauss).
-Rule medium_rule(const Head& head) {
+Rule radon_rule(const Head& head) {
   Rule rule;
   rule.source.push_back({head.towards, 0.25});
   for (int k = 0; k < 6; ++k) {
     rule.source.push_back({on_disc(head, 2.0 / 3.0, k * reflectance::kPi / 3), 0.125});
   }
-  const double g = 0.5 / std::sqrt(3.0);
+  const double g = 0.288675134594813;
   rule.pixel = {{-g, -g, 0.25}, {g, -g, 0.25}, {-g, g, 0.25}, {g, g, 0.25}};
   return rule;
 }
 
-/// 4 Gauss rings of 12 points on the disc, 4 x 4 Gauss on the pixel.
-Rule finest_rule(const Head& head) {
-  constexpr std::array<double, 4> kNode{-0.430568155797026, -0.169990521792428, 0.169990521792428,
-                                        0.430568155797026};
-  constexpr std::array<double, 4> kWeight{0.173927422568727, 0.326072577431273, 0.326072577431273,
-                                          0.173927422568727};
-  constexpr int kAround = 12;
+struct GaussNode {
+  double at;  ///< -1/2..1/2.
+  double weight;
+};
+constexpr std::array<GaussNode, 2> kGauss2{{{-0.288675134594813, 0.5}, {0.288675134594813, 0.5}}};
+constexpr std::array<GaussNode, 3> kGauss3{{{-0.387298334620742, 0.277777777777778},
+                                            {0.0, 0.444444444444444},
+                                            {0.387298334620742, 0.277777777777778}}};
+constexpr std::array<GaussNode, 4> kGauss4{{{-0.430568155797026, 0.173927422568727},
+                                            {-0.169990521792428, 0.326072577431273},
+                                            {0.169990521792428, 0.326072577431273},
+                                            {0.430568155797026, 0.173927422568727}}};
+
+/// Gauss rings of `around` points on the disc, Gauss points on the pixel.
+Rule ring_rule(const Head& head, std::span<const GaussNode> rings, int around,
+               std::span<const GaussNode> pixel) {
   Rule rule;
-  for (std::size_t j = 0; j < 4; ++j) {
-    for (int k = 0; k < kAround; ++k) {
-      const double azimuth = 2 * reflectance::kPi * (k + 0.5 * static_cast<double>(j % 2)) / kAround;
-      rule.source.push_back({on_disc(head, 0.5 + kNode[j], azimuth), kWeight[j] / kAround});
+  for (std::size_t j = 0; j < rings.size(); ++j) {
+    for (int k = 0; k < around; ++k) {
+      const double azimuth = 2 * reflectance::kPi * (k + 0.5 * static_cast<double>(j % 2)) / around;
+      rule.source.push_back({on_disc(head, 0.5 + rings[j].at, azimuth), rings[j].weight / around});
     }
-    for (std::size_t k = 0; k < 4; ++k) {
-      rule.pixel.push_back({kNode[j], kNode[k], kWeight[j] * kWeight[k]});
+  }
+  for (const GaussNode& x : pixel) {
+    for (const GaussNode& y : pixel) {
+      rule.pixel.push_back({x.at, y.at, x.weight * y.weight});
     }
   }
   return rule;
 }
+
+struct Rules {
+  explicit Rules(const Head& head)
+      : curved(radon_rule(head)),
+        sharp(ring_rule(head, kGauss3, 8, kGauss2)),
+        finest(ring_rule(head, kGauss4, 12, kGauss4)) {}
+  Rule curved;
+  Rule sharp;
+  Rule finest;
+};
 
 class Integration {
  public:
@@ -93,9 +115,8 @@ class Integration {
     if (aspect_.uneven() && fineness == Fineness::kAdaptive) {
       rows([&](std::size_t y) { smear(middles, y); });
     } else {
-      const Rule medium = medium_rule(head_);
-      const Rule finest = finest_rule(head_);
-      rows([&](std::size_t y) { refine(middles, y, medium, finest, fineness); });
+      const Rules rules(head_);
+      rows([&](std::size_t y) { refine(middles, y, rules, fineness); });
     }
     if (Aspect::Regular part; aspect_.regular(part)) {
       add_regular(part);
@@ -203,8 +224,7 @@ class Integration {
     }
   }
 
-  void refine(const LightImage& middles, std::size_t y, const Rule& medium, const Rule& finest,
-              Fineness fineness) {
+  void refine(const LightImage& middles, std::size_t y, const Rules& rules, Fineness fineness) {
     // A lobe narrower than a pixel may hide between the middles: look closely where it must be.
     const Vector mirror = aspect_.straight();
     const Lens::Point peak = lens_.image(mirror);
@@ -216,10 +236,10 @@ class Integration {
       const double estimate = change(middles, x, y);
       const bool at_peak = mirror.z > 0 && std::hypot(static_cast<double>(x) + 0.5 - peak.x_px,
                                                       static_cast<double>(y) + 0.5 - peak.y_px) < near;
-      if (fineness == Fineness::kFinest || estimate > kSharp || at_peak) {
-        apply(finest, x, y);
+      if (fineness == Fineness::kFinest || estimate > kSharpest || at_peak) {
+        apply(rules.finest, x, y);
       } else if (estimate > kSmooth) {
-        apply(medium, x, y);
+        apply(estimate > kSharp ? rules.sharp : rules.curved, x, y);
       }
     }
   }
@@ -236,7 +256,7 @@ class Integration {
 
   /// The source's disc itself, seen in a mirror or through a film.
   void add_regular(const Aspect::Regular& part) {
-    constexpr int kSub = 16;
+    constexpr int kSub = 32;
     const double cosine = std::cos(head_.angular_radius_rad);
     const double solid_angle_sr = 2 * reflectance::kPi * (1 - cosine);
     if (part.towards.z <= 0) {

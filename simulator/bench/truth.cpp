@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "simulator/bench/profile.h"
+#include "simulator/random/noise.h"
 #include "simulator/random/stream.h"
 
 namespace scatter::simulator {
@@ -112,9 +113,16 @@ double falloff(const Vector& w) noexcept {
 }
 
 bool hidden_by_head(const Truth& truth, const Vector& w) noexcept {
-  return std::ranges::any_of(truth.heads, [&](const Head& head) {
-    return reflectance::angle_between(head.towards, w) < kHeadRadiusRad;
-  });
+  const double limit = std::cos(kHeadRadiusRad);
+  return std::ranges::any_of(truth.heads, [&](const Head& head) { return dot(head.towards, w) > limit; });
+}
+
+std::vector<float> normals(const RandomKey& key, std::size_t count) {
+  const std::vector<float> nothing(count, 0.0F);
+  std::vector<float> zeros(count);
+  std::vector<float> values(count);
+  draw_shot_and_read_noise(key, 0, nothing, zeros, values);
+  return values;
 }
 
 void draw_sensor(const protocol::Descriptor& d, const BenchOptions& options, Truth& truth) {
@@ -131,16 +139,17 @@ void draw_sensor(const protocol::Descriptor& d, const BenchOptions& options, Tru
   const double half = static_cast<double>(width) / 2;
   const double drawn = options.references == References::kDrawn ? 0.001 : 0.0;
   const Dirt dirt(options, static_cast<double>(width));
-  RandomStream gains({options.seed, Purpose::kPixelGain});
-  RandomStream gain_draws({options.seed, Purpose::kPixelGainDraws});
-  RandomStream offsets({options.seed, Purpose::kPixelOffset});
+  const std::vector<float> gains = normals({options.seed, Purpose::kPixelGain}, count);
+  const std::vector<float> gain_draws = normals({options.seed, Purpose::kPixelGainDraws}, count);
+  const std::vector<float> offsets = normals({options.seed, Purpose::kPixelOffset}, count);
   for (std::size_t p = 0; p < count; ++p) {
     const double x = static_cast<double>(p % width) + 0.5;
     const double y = static_cast<double>(p / width) + 0.5;
-    const auto steps = std::clamp(std::lround(1000 * kPixelGainRms * gains.normal()), -127L, 127L);
+    const auto steps = std::clamp(std::lround(1000 * kPixelGainRms * double{gains[p]}), -127L, 127L);
     truth.gain_map[p] = static_cast<std::byte>(static_cast<std::int8_t>(steps));
-    const double gain = 1.0 + 1e-3 * static_cast<double>(steps) + drawn * gain_draws.normal();
-    truth.offset_dn[p] = static_cast<float>(d.sensor.black_level_dn + kPixelOffsetRms_dn * offsets.normal());
+    const double gain = 1.0 + 1e-3 * static_cast<double>(steps) + drawn * double{gain_draws[p]};
+    truth.offset_dn[p] =
+        static_cast<float>(d.sensor.black_level_dn + kPixelOffsetRms_dn * double{offsets[p]});
     truth.stray_e_per_s[p] = static_cast<float>(gain * kStrayShare * kReferenceRate_e_per_s *
                                                 (1.0 + 0.3 * (x - half) / half - 0.2 * (y - half) / half));
     const Vector w = lens.direction(x, y);

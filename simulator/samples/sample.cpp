@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-
+#include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/model_spec.h"
 
 namespace scatter::simulator {
@@ -108,7 +108,7 @@ Result<std::shared_ptr<const Sample>> Sample::make(std::string_view spec) {
       return refuse(spec, base.empty() ? "no surface given" : "unknown kind of surface");
     }
   }
-  auto brdf = reflectance::make_model(base);
+  auto brdf = is_file ? formats::open_brdf(base) : reflectance::make_model(base);
   if (!brdf) {
     return std::unexpected(std::move(brdf.error()));
   }
