@@ -1,5 +1,6 @@
 #include "protocol/link_decoder.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 
 #include "protocol/crc.h"
@@ -256,6 +257,33 @@ TEST_CASE("A decoder with a small buffer refuses longer payloads and takes short
   }
   CHECK(frames == Frames{fits});
   CHECK(decoder.counters().bad_length == 1);
+}
+
+TEST_CASE("Frames of the largest size in pieces fit a buffer of exactly one frame") {
+  std::mt19937 random(41);
+  const Bytes largest = chunk(41, kMaxPayload - min_encoded_size<FrameData>());
+  REQUIRE(largest.size() == kMaxFrameBytes);
+  const Bytes damaged = flipped(largest, 8 * 5000);
+  Bytes bytes;
+  for (const Bytes& next : {largest, damaged, largest, damaged}) {
+    append(bytes, next);
+  }
+  Bytes buffer(kMaxFrameBytes + 16, std::byte{0x5A});  // What lies behind must stay as it is.
+  LinkDecoder decoder(std::span<std::byte>(buffer).first(kMaxFrameBytes));
+  int delivered = 0;
+  const auto compare = [&](const Frame& frame) {
+    ++delivered;
+    CHECK(std::ranges::equal(frame.bytes(), largest));
+  };
+  for (std::size_t at = 0; at < bytes.size();) {
+    const std::size_t size = std::min<std::size_t>(bytes.size() - at, 1 + random() % 5000);
+    decoder.push(std::span(bytes).subspan(at, size), compare);
+    at += size;
+  }
+  decoder.give_up(compare);
+  CHECK(delivered == 2);
+  CHECK(decoder.counters().bad_payload == 2);
+  CHECK(std::ranges::count(std::span(buffer).last(16), std::byte{0x5A}) == 16);
 }
 
 TEST_CASE("Frames that lie whole in the pushed bytes are not copied") {
