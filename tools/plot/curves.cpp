@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "host_sdk/reflectance/grid_brdf.h"
+#include "host_sdk/reflectance/specular_grid_brdf.h"
 
 namespace scatter::plot {
 namespace {
@@ -315,6 +316,12 @@ std::vector<Incidence> incidences_of(const Brdf& brdf) {
   if (const auto* grid = dynamic_cast<const reflectance::GridBrdf*>(&brdf)) {
     for (const auto& part : grid->content().parts) {
       result.push_back({part.theta_i, part.phi_i});
+    }
+    return result;
+  }
+  if (const auto* grid = dynamic_cast<const reflectance::SpecularGridBrdf*>(&brdf)) {
+    for (const double theta_i : grid->content().theta_i) {
+      result.push_back({theta_i, grid->content().rotation.front()});
     }
     return result;
   }

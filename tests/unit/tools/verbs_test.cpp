@@ -1,0 +1,150 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tests/unit/tools/command.h"
+
+using nlohmann::json;
+
+namespace {
+
+json answer(const std::vector<std::string>& arguments) {
+  const auto run = scatter(arguments);
+  INFO(run.err);
+  REQUIRE(run.status == 0);
+  return json::parse(run.out);
+}
+
+}  // namespace
+
+TEST_CASE("compare has the promised keys and gives the differences that arithmetic gives") {
+  const auto found = answer({"compare", "lambertian:0.5", "lambertian:0.4", "--json", "--region", "all"});
+  for (const char* key : {"median_relative_error", "mean_relative_error", "p95_relative_error",
+                          "p99_relative_error", "peak_angle_error_deg", "peak_ratio"}) {
+    CHECK(found.contains(key));
+  }
+  CHECK(found["median_relative_error"].get<double>() == Approx(0.25).epsilon(1e-6));
+  CHECK(found["p99_relative_error"].get<double>() == Approx(0.25).epsilon(1e-6));
+  REQUIRE(found["albedo_error"].is_array());
+  for (const auto& error : found["albedo_error"]) {
+    CHECK(error.get<double>() == Approx(0.1).epsilon(1e-3));  // the 1 deg grid's quadrature
+  }
+  CHECK_FALSE(found.contains("reduced_chi_square"));
+}
+
+TEST_CASE("inspect says albedo, energy and reciprocity of a model") {
+  const auto found = answer({"inspect", "lambertian:0.5", "--json"});
+  CHECK(found["type"] == "BRDF");
+  for (const auto& row : found["albedo"]) {
+    CHECK(row["albedo"][0].get<double>() == Approx(0.5).margin(1e-4));
+  }
+  CHECK(found["energy"]["conserved"] == true);
+  CHECK(found["reciprocity"]["largest_relative_difference"].get<double>() < 1e-9);
+}
+
+TEST_CASE("A model survives conversion to MiniDiff, native EXR and tiles") {
+  const Scratch folder;
+  const std::string model = "ggx:alpha=0.3,f0=0.04,albedo=0.2";
+  struct Case {
+    const char* file;
+    std::vector<std::string> options;
+    double limit;
+  };
+  // MiniDiff keeps seven digits and EXR floats; tiles are half floats on another grid.
+  for (const Case& each :
+       {Case{"x.bsdf", {}, 1e-6}, Case{"x.exr", {}, 1e-6}, Case{"t.exr", {"--format", "tiles"}, 0.01}}) {
+    INFO(each.file);
+    const std::string file = folder / each.file;
+    std::vector<std::string> arguments = {"convert", model, file};
+    arguments.insert(arguments.end(), each.options.begin(), each.options.end());
+    REQUIRE(scatter(arguments).status == 0);
+    const auto found = answer({"compare", file, model, "--region", "all", "--json"});
+    CHECK(found["median_relative_error"].get<double>() < each.limit);
+  }
+}
+
+TEST_CASE("plot writes what the extension says, and both kinds") {
+  const Scratch folder;
+  REQUIRE(scatter({"plot", "ggx:alpha=0.2", "lambertian:0.1", "-o", folder / "c.svg"}).status == 0);
+  CHECK(contents(folder / "c.svg").find("<svg") != std::string::npos);
+  REQUIRE(scatter({"plot", "ggx:alpha=0.2", "-o", folder / "h.png", "--kind", "hemispheres"}).status == 0);
+  CHECK(contents(folder / "h.png").substr(1, 3) == "PNG");
+}
+
+TEST_CASE("measure has the promised keys and files, and repeats byte for byte") {
+  const Scratch folder;
+  const std::string uri = "sim:?sample=ggx:alpha=0.2,f0=0.04,albedo=0.3&seed=3";
+  const auto found = answer({"measure", uri, "-o", folder / "a", "--json"});
+  for (const char* key :
+       {"ledger", "instrument_seconds", "wall_seconds", "quality", "files", "calibration"}) {
+    CHECK(found.contains(key));
+  }
+  std::uint64_t accounted = 0;
+  for (const char* key : {"delivered", "lost_sensor", "lost_firmware", "lost_link", "lost_host", "corrupt"}) {
+    accounted += found["ledger"][key].get<std::uint64_t>();
+  }
+  CHECK(found["ledger"]["exposed"].get<std::uint64_t>() == accounted);
+  CHECK(accounted > 0);
+  CHECK(found["calibration"]["performed"] == true);
+  for (const auto& row : found["quality"]) {
+    for (const char* key : {"name", "value", "limit", "verdict", "advice"}) {
+      CHECK(row.contains(key));
+    }
+  }
+  REQUIRE(scatter({"measure", uri, "-o", folder / "b"}).status == 0);
+  for (const char* name :
+       {"recording.scat", "brdf.exr", "brdf.bsdf", "quality.json", "lobe.png", "report.html"}) {
+    INFO(name);
+    const auto path = (folder / "a" / name).string();
+    CHECK(std::ranges::find(found["files"], json(path)) != found["files"].end());
+    const std::string first = contents(folder / "a" / name);
+    CHECK_FALSE(first.empty());
+    CHECK(first == contents(folder / "b" / name));
+  }
+  SECTION("the recording processes again to the same BRDF, and inspects") {
+    const auto again = answer({"process", folder / "a" / "recording.scat", "-o", folder / "c", "--json"});
+    CHECK(again["ledger"] == found["ledger"]);
+    CHECK(contents(folder / "a" / "brdf.exr") == contents(folder / "c" / "brdf.exr"));
+    CHECK(answer({"inspect", folder / "a" / "recording.scat", "--json"})["integrity"]["perfect"] == true);
+    CHECK(answer({"inspect", folder / "a" / "brdf.exr", "--json"})["coverage"]["measured"].get<double>() >
+          0.9);
+  }
+}
+
+TEST_CASE("Ctrl-C ends a measurement soon, with status 1 and a readable recording") {
+  const Scratch folder;
+  Command measuring({"measure", "sim:?clock=real&seed=2", "-o", folder / "out"});
+  const auto recording = folder / "out" / "recording.scat";
+  for (int k = 0; k < 3000 &&
+                  (!std::filesystem::exists(recording) || std::filesystem::file_size(recording) < 30'000'000);
+       ++k) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  REQUIRE(std::filesystem::exists(recording));
+  measuring.signal(SIGINT);
+  const auto start = std::chrono::steady_clock::now();
+  const auto run = measuring.wait(std::chrono::seconds(10));
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
+  INFO(run.err);
+  CHECK(run.status == 1);
+  CHECK(run.err.find("remedy: ") != std::string::npos);
+  CHECK(answer({"inspect", recording, "--json"})["kind"] == "recording");
+}
+
+TEST_CASE("A served instrument can be listed, asked and measured, and ends on SIGTERM") {
+  const Scratch folder;
+  const std::string socket = folder / "sc.sock";
+  Command server({"simulate", "--listen", "unix:" + socket, "--sample", "lambertian:0.5", "--seed", "9",
+                  "--clock", "virtual"});
+  for (int k = 0; k < 500 && server.output().find("listening on unix:") == std::string::npos; ++k) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  const auto found = answer({"info", "unix:" + socket, "--json"});
+  CHECK(found["serial"] == "SIM-00000009");
+  CHECK(found["illuminations"].size() == 12);
+  server.signal(SIGTERM);
+  CHECK(server.wait(std::chrono::seconds(5)).status == 0);
+  CHECK_FALSE(std::filesystem::exists(socket));
+}

@@ -1,0 +1,118 @@
+// scatter compare A B: how far two BRDFs are apart; B is the reference.
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <memory>
+
+#include "host_sdk/formats/open_brdf.h"
+#include "host_sdk/reflectance/compare.h"
+#include "tools/scatter/text_table.h"
+#include "tools/scatter/verb.h"
+
+namespace scatter::cli {
+namespace {
+
+using reflectance::degrees;
+
+struct Options {
+  std::string a;
+  std::string b;
+  std::string region = "measured";
+};
+
+nlohmann::ordered_json or_null(const std::optional<double>& value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json to_json(const reflectance::Comparison& found, const std::string& region) {
+  nlohmann::ordered_json json = {{"region", region},
+                                 {"bins", found.bins},
+                                 {"bins_without_reference", found.bins_without_reference},
+                                 {"median_relative_error", found.median_relative_error},
+                                 {"mean_relative_error", found.mean_relative_error},
+                                 {"p95_relative_error", found.p95_relative_error},
+                                 {"p99_relative_error", found.p99_relative_error},
+                                 {"cosine_weighted_rms_per_sr", found.cosine_weighted_rms_per_sr},
+                                 {"log_rms", found.log_rms}};
+  auto& albedo = json["albedo_error"] = nlohmann::ordered_json::array();
+  auto& incidences = json["incidences"] = nlohmann::ordered_json::array();
+  for (const auto& incidence : found.incidences) {
+    albedo.push_back(incidence.albedo_error);
+    incidences.push_back({{"rotation_deg", degrees(incidence.rotation_rad)},
+                          {"theta_i_deg", degrees(incidence.theta_i)},
+                          {"phi_i_deg", degrees(incidence.phi_i)},
+                          {"bins", incidence.bins},
+                          {"albedo_error", incidence.albedo_error},
+                          {"peak_angle_error_deg", or_null(incidence.peak_angle_error_deg)},
+                          {"peak_ratio", or_null(incidence.peak_ratio)}});
+  }
+  json["peak_angle_error_deg"] = or_null(found.peak_angle_error_deg);
+  json["peak_ratio"] = or_null(found.peak_ratio);
+  if (found.reduced_chi_square) {
+    json["reduced_chi_square"] = *found.reduced_chi_square;
+  }
+  if (found.coverage_95) {
+    json["coverage_95"] = *found.coverage_95;
+  }
+  return json;
+}
+
+std::string to_text(const reflectance::Comparison& found) {
+  const auto percent = [](double value) { return fmt::format("{:.3f} %", 100 * value); };
+  std::vector<std::vector<std::string>> rows = {
+      {"bins compared", std::to_string(found.bins)},
+      {"relative error, median", percent(found.median_relative_error)},
+      {"relative error, mean", percent(found.mean_relative_error)},
+      {"relative error, 95th percentile", percent(found.p95_relative_error)},
+      {"relative error, 99th percentile", percent(found.p99_relative_error)}};
+  for (const auto& incidence : found.incidences) {
+    rows.push_back({fmt::format("albedo error at {:.4g} deg", degrees(incidence.theta_i)),
+                    fmt::format("{:.5f}", incidence.albedo_error)});
+  }
+  if (found.peak_angle_error_deg) {
+    rows.push_back({"peak off by, worst incidence", fmt::format("{:.3f} deg", *found.peak_angle_error_deg)});
+  }
+  if (found.peak_ratio) {
+    rows.push_back({"peak ratio, worst incidence", fmt::format("{:.4f}", *found.peak_ratio)});
+  }
+  if (found.reduced_chi_square) {
+    rows.push_back({"reduced chi-square", fmt::format("{:.3f} (1: the stated noise explains the difference)",
+                                                      *found.reduced_chi_square)});
+  }
+  if (found.coverage_95) {
+    rows.push_back({"inside the 95 % intervals", percent(*found.coverage_95)});
+  }
+  return text_table(rows);
+}
+
+Result<Answer> run(const Options& options) {
+  const auto a = formats::open_brdf(options.a);
+  if (!a) {
+    return std::unexpected(a.error());
+  }
+  const auto b = formats::open_brdf(options.b);
+  if (!b) {
+    return std::unexpected(b.error());
+  }
+  const auto region = options.region == "all" ? reflectance::Region::kAll : reflectance::Region::kMeasured;
+  const auto found = reflectance::compare(**a, **b, {.region = region});
+  if (!found) {
+    return std::unexpected(found.error());
+  }
+  return Answer{.json = to_json(*found, options.region), .text = to_text(*found)};
+}
+
+}  // namespace
+
+Verb add_compare(CLI::App& root) {
+  auto* app = root.add_subcommand("compare", "Show how far a BRDF is from a reference");
+  auto options = std::make_shared<Options>();
+  app->add_option("a", options->a, "File or model that is judged")->required();
+  app->add_option("b", options->b, "Reference: file or model")->required();
+  app->add_option("--region", options->region, "Which directions count: those measured, or all with a value")
+      ->check(CLI::IsMember({"measured", "all"}))
+      ->capture_default_str();
+  return {app, [options](const Context&) { return run(*options); }};
+}
+
+}  // namespace scatter::cli

@@ -1,0 +1,118 @@
+// scatter measure URI -o DIR: calibrates when needed, records, processes, writes everything.
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <chrono>
+#include <memory>
+
+#include "host_sdk/reflectance/direction.h"
+#include "tools/scatter/device_access.h"
+#include "tools/scatter/files.h"
+#include "tools/scatter/measure_options.h"
+#include "tools/scatter/measurement_json.h"
+#include "tools/scatter/results.h"
+
+namespace scatter::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  RecordingChoice recording;
+  std::string output;
+  std::string title;
+  bool correct_tilt = false;
+  double rotation_deg = 0;
+};
+
+/// What a URI says of the sample, else the URI.
+std::string title_of(const std::string& uri) {
+  const auto start = uri.find("sample=");
+  if (start == std::string::npos) {
+    return uri;
+  }
+  return uri.substr(start + 7, uri.find('&', start) - start - 7);
+}
+
+Result<Answer> run(const Options& options, const Context& context) {
+  Progress bar;
+  auto how = measure_options(options.recording, context, bar);
+  if (!how) {
+    return std::unexpected(how.error());
+  }
+  if (const auto ready = prepare_folder(options.output); !ready) {
+    return std::unexpected(ready.error());
+  }
+  auto device = open_device(options.recording.uri, context);
+  if (!device) {
+    return std::unexpected(device.error());
+  }
+  const fs::path folder = options.output;
+  how->recording = folder / "recording.scat";
+  how->process.correct_tilt = options.correct_tilt;
+  how->process.sample_rotation_rad = reflectance::radians(options.rotation_deg);
+  const auto measured = measurement::measure(*device, *how);
+  if (!measured) {
+    bar.clear();
+    return std::unexpected(measured.error());
+  }
+  bar.show(1, "writing results");
+  const auto start = std::chrono::steady_clock::now();
+  ResultsRequest request{.folder = folder,
+                         .title = options.title.empty() ? title_of(options.recording.uri) : options.title,
+                         .notes = {}};
+  if (options.correct_tilt) {
+    request.notes.push_back("corrected for the estimated tilt");
+  }
+  const auto files = write_results(measured->measurement, request);
+  bar.clear();
+  if (!files) {
+    return std::unexpected(files.error());
+  }
+  const double wall_seconds = measured->wall_seconds +
+                              std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+
+  Answer answer;
+  answer.json = summary_json(measured->measurement);
+  answer.json["wall_seconds"] = wall_seconds;
+  answer.json["calibration"] = {
+      {"performed", measured->calibration.has_value()},
+      {"instrument_seconds", measured->calibration ? measured->calibration->instrument_seconds : 0.0},
+      {"wall_seconds", measured->calibration ? measured->calibration->wall_seconds : 0.0},
+      {"id", measured->measurement.calibration_id}};
+  auto& list = answer.json["files"] = nlohmann::ordered_json::array({how->recording.string()});
+  for (const auto& file : *files) {
+    list.push_back(file);
+  }
+  if (measured->calibration) {
+    answer.text +=
+        fmt::format("calibrated itself first: {:.1f} s on the instrument's clock ({:.1f} s here)\n",
+                    measured->calibration->instrument_seconds, measured->calibration->wall_seconds);
+  }
+  answer.text += fmt::format("measured in {:.2f} s on the instrument's clock ({:.1f} s here), {}\n",
+                             measured->measurement.instrument_seconds, wall_seconds,
+                             words(measured->measurement.ledger));
+  answer.text += summary_text(measured->measurement);
+  for (const auto& file : list) {
+    answer.text += file.get<std::string>() + "\n";
+  }
+  answer.failed = !measured->measurement.ledger.balances();
+  return answer;
+}
+
+}  // namespace
+
+Verb add_measure(CLI::App& root) {
+  auto* app = root.add_subcommand(
+      "measure", "Measure a sample: calibrated BRDF with uncertainty, quality report, pictures");
+  auto options = std::make_shared<Options>();
+  add_options(*app, options->recording);
+  app->add_option("-o,--output", options->output, "Folder for the results")->required();
+  app->add_option("--title", options->title, "Name of the sample in pictures and report");
+  app->add_flag("--correct-tilt", options->correct_tilt, "Correct for the estimated tilt of the sample");
+  app->add_option("--rotation", options->rotation_deg, "The sample is turned by this on its mount [deg]")
+      ->check(CLI::Range(-360.0, 360.0));
+  return {app, [options](const Context& context) { return run(*options, context); }};
+}
+
+}  // namespace scatter::cli

@@ -1,0 +1,141 @@
+// scatter plot FILE|SPEC ... -o X.svg|png: curves in the plane of incidence, or hemispheres.
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <filesystem>
+#include <memory>
+
+#include "host_sdk/formats/open_brdf.h"
+#include "host_sdk/reflectance/grid_brdf.h"
+#include "host_sdk/reflectance/specular_grid_brdf.h"
+#include "tools/plot/curves.h"
+#include "tools/plot/hemispheres.h"
+#include "tools/scatter/files.h"
+#include "tools/scatter/grid_of.h"
+#include "tools/scatter/verb.h"
+
+namespace scatter::cli {
+namespace {
+
+struct Options {
+  std::vector<std::string> subjects;
+  std::string output;
+  std::string kind = "curves";
+  std::string scale = "auto";
+  std::string title;
+  std::vector<double> incidences_deg;
+  bool dark = false;
+  bool light = false;
+  bool luminance = false;
+};
+
+plot::Scale scale_of(const std::string& name) {
+  return name == "log" ? plot::Scale::kLog : name == "linear" ? plot::Scale::kLinear : plot::Scale::kAuto;
+}
+
+/// The incidences asked for; without any, those of the first subject that was measured.
+std::vector<plot::Incidence> incidences(const Options& options, const std::vector<plot::NamedBrdf>& brdfs) {
+  std::vector<plot::Incidence> chosen;
+  for (const double theta_deg : options.incidences_deg) {
+    chosen.push_back({reflectance::radians(theta_deg), 0});
+  }
+  for (std::size_t k = 0; k < brdfs.size() && chosen.empty(); ++k) {
+    if (dynamic_cast<const reflectance::GridBrdf*>(brdfs[k].brdf) != nullptr ||
+        dynamic_cast<const reflectance::SpecularGridBrdf*>(brdfs[k].brdf) != nullptr) {
+      chosen = plot::incidences_of(*brdfs[k].brdf);
+    }
+  }
+  if (chosen.empty()) {
+    chosen = plot::incidences_of(*brdfs.front().brdf);
+  }
+  // More panels than fit: evenly spaced ones.
+  constexpr std::size_t kMost = 12;
+  if (options.incidences_deg.empty() && chosen.size() > kMost) {
+    std::vector<plot::Incidence> some;
+    for (std::size_t k = 0; k < kMost; ++k) {
+      some.push_back(chosen[k * (chosen.size() - 1) / (kMost - 1)]);
+    }
+    return some;
+  }
+  return chosen;
+}
+
+Result<std::string> draw(const Options& options, const std::vector<plot::NamedBrdf>& brdfs) {
+  const auto kind = plot::image_kind(options.output);
+  if (!kind) {
+    return std::unexpected(kind.error());
+  }
+  if (options.kind == "curves") {
+    return plot::curves(brdfs, {.kind = *kind,
+                                .theme = options.dark ? plot::Theme::kDark : plot::Theme::kLight,
+                                .scale = scale_of(options.scale),
+                                .title = options.title,
+                                .incidences = incidences(options, brdfs)});
+  }
+  if (brdfs.size() != 1) {
+    return fail(ErrorCode::kInvalidArgument,
+                fmt::format("hemispheres of {} BRDFs in one picture", brdfs.size()),
+                "draw one at a time, or use --kind curves to lay several over each other");
+  }
+  const auto grid = grid_of(*brdfs.front().brdf, incidences(options, brdfs));
+  if (!grid) {
+    return std::unexpected(grid.error());
+  }
+  return plot::hemispheres(**grid, {.kind = *kind,
+                                    .theme = options.light ? plot::Theme::kLight : plot::Theme::kDark,
+                                    .scale = scale_of(options.scale),
+                                    .luminance = options.luminance,
+                                    .title = options.title.empty() ? brdfs.front().name : options.title});
+}
+
+Result<Answer> run(const Options& options) {
+  std::vector<std::shared_ptr<const reflectance::Brdf>> kept;
+  std::vector<plot::NamedBrdf> brdfs;
+  for (const auto& subject : options.subjects) {
+    auto opened = formats::open_brdf(subject);
+    if (!opened) {
+      return std::unexpected(opened.error());
+    }
+    kept.push_back(*opened);
+    std::error_code error;
+    const bool file = std::filesystem::exists(subject, error);
+    brdfs.push_back({file ? std::filesystem::path(subject).filename().string() : subject, kept.back().get()});
+  }
+  const auto picture = draw(options, brdfs);
+  if (!picture) {
+    return std::unexpected(picture.error());
+  }
+  if (const auto written = write_file(options.output, *picture); !written) {
+    return std::unexpected(written.error());
+  }
+  Answer answer;
+  answer.json = {{"files", {options.output}}};
+  answer.text = options.output + "\n";
+  return answer;
+}
+
+}  // namespace
+
+Verb add_plot(CLI::App& root) {
+  auto* app =
+      root.add_subcommand("plot", "Draw curves in the plane of incidence, or false-colour hemispheres");
+  auto options = std::make_shared<Options>();
+  app->add_option("brdfs", options->subjects, "Files or models")->required();
+  app->add_option("-o,--output", options->output, "Picture: .svg or .png")->required();
+  app->add_option("--kind", options->kind, "curves or hemispheres")
+      ->check(CLI::IsMember({"curves", "hemispheres"}))
+      ->capture_default_str();
+  app->add_option("--scale", options->scale, "Scale of the values")
+      ->check(CLI::IsMember({"auto", "log", "linear"}))
+      ->capture_default_str();
+  app->add_option("--incidence", options->incidences_deg, "Incidences to draw [deg], for example 0,30,60")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 89.9));
+  app->add_option("--title", options->title, "Heading");
+  auto* dark = app->add_flag("--dark", options->dark, "Dark page (the default for hemispheres)");
+  app->add_flag("--light", options->light, "Light page (the default for curves)")->excludes(dark);
+  app->add_flag("--luminance", options->luminance, "Hemispheres: one column, the mean of the channels");
+  return {app, [options](const Context&) { return run(*options); }};
+}
+
+}  // namespace scatter::cli
