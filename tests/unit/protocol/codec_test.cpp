@@ -6,7 +6,7 @@
 
 #include "protocol/descriptor.h"
 #include "protocol/schema_description.h"
-#include "test_bytes.h"
+#include "tests/unit/protocol/test_bytes.h"
 
 namespace scatter::protocol::test {
 namespace {

@@ -3,13 +3,13 @@
 #include <fstream>
 #include <set>
 
-#include "json_fields.h"
 #include "protocol/cobs.h"
 #include "protocol/crc.h"
 #include "protocol/descriptor.h"
 #include "protocol/link_decoder.h"
 #include "protocol/serial.h"
 #include "protocol/session.h"
+#include "tests/unit/protocol/json_fields.h"
 
 namespace scatter::protocol::test {
 namespace {

@@ -6,7 +6,7 @@
 #include <type_traits>
 
 #include "protocol/codec.h"
-#include "test_bytes.h"
+#include "tests/unit/protocol/test_bytes.h"
 
 namespace scatter::protocol::test {
 

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include "protocol/crc.h"
-#include "test_bytes.h"
+#include "tests/unit/protocol/test_bytes.h"
 
 namespace scatter::protocol::test {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 
-#include "test_bytes.h"
+#include "tests/unit/protocol/test_bytes.h"
 
 namespace scatter::protocol::test {
 namespace {

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "protocol/schema_description.h"
-#include "test_bytes.h"
+#include "tests/unit/protocol/test_bytes.h"
 
 namespace scatter::protocol::test {
 namespace {

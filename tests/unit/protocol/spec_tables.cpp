@@ -1,4 +1,4 @@
-#include "spec_tables.h"
+#include "tests/unit/protocol/spec_tables.h"
 
 #include <algorithm>
 #include <cstdio>

@@ -3,7 +3,7 @@
 #include <iostream>
 #include <iterator>
 
-#include "spec_tables.h"
+#include "tests/unit/protocol/spec_tables.h"
 
 int main(int argc, char** argv) {
   if (argc != 2) {

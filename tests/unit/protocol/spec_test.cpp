@@ -10,8 +10,8 @@
 
 #include "protocol/crc.h"
 #include "protocol/schema_description.h"
-#include "spec_tables.h"
-#include "test_bytes.h"
+#include "tests/unit/protocol/spec_tables.h"
+#include "tests/unit/protocol/test_bytes.h"
 
 namespace scatter::protocol::test {
 namespace {
