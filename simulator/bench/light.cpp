@@ -13,7 +13,7 @@ namespace {
 using Vector = reflectance::Direction;
 
 /// Estimated change by averaging, relative, below which the value at the pixel's middle will do.
-constexpr double kSmooth = 2e-5;
+constexpr double kSmooth = 1e-4;
 /// The same, above which seven source points are too few, and above which only the finest rule will do.
 constexpr double kSharp = 0.004;
 constexpr double kSharpest = 0.05;

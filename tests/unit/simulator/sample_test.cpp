@@ -1,8 +1,12 @@
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
 #include <string>
 #include <vector>
 
+#include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/model_spec.h"
 #include "simulator/random/stream.h"
 #include "simulator/samples/aspect.h"
@@ -156,6 +160,31 @@ TEST_CASE("Film lights the camera from below only, straight light apart") {
   CHECK(phi_of(part.towards) == Approx(kPi));
   CHECK_FALSE(Aspect(*film, 3, from_spherical(0.3, 0.0)).lit());
   CHECK_FALSE(Aspect(*sample("lambertian:0.5"), 3, below).lit());
+}
+
+TEST_CASE("A measured file lies under the instrument as its reader evaluates it") {
+  const char* folder = std::getenv("SCATTER_REAL_DATA");
+  const std::filesystem::path path = std::filesystem::path(folder != nullptr ? folder : "../shared/data") /
+                                     "zemax/brown_vinyl_measured_brdf.bsdf";
+  if (!std::filesystem::exists(path)) {
+    std::cout << "skipped: no real data\n";
+    return;
+  }
+  const auto brdf = scatter::formats::open_brdf(path.string());
+  REQUIRE(brdf.has_value());
+  const Vector source = from_spherical(radians(40), 0.0);
+  const Aspect aspect(*sample("file:" + path.string()), 3, source);
+  for (const Vector& camera :
+       {from_spherical(0.7, 3.0), from_spherical(0.2, 1.0), from_spherical(1.1, 3.3)}) {
+    std::vector<double> f((*brdf)->channels());
+    REQUIRE((*brdf)->eval(source, camera, f) != scatter::reflectance::Origin::kInvalid);
+    CHECK(f[0] > 0);
+    CHECK(radiance(aspect, source, camera)[0] == Approx(f[0] * std::cos(radians(40))).epsilon(1e-9));
+  }
+  // A plus sign in a path is part of the path.
+  const auto missing = Sample::make("file:no+such+file=x.bsdf+soft=0.1");
+  REQUIRE_FALSE(missing.has_value());
+  CHECK(missing.error().what.find("no+such+file=x.bsdf") != std::string::npos);
 }
 
 TEST_CASE("A soft sample loses its share with a time constant of one second") {
