@@ -18,12 +18,12 @@
 namespace scatter::formats {
 
 struct ExrTilesOptions {
-  std::size_t width = 360;          ///< Of a tile; the default suits BC6H (sides divisible by 4).
-  std::size_t height = 180;         ///< Of a tile.
-  std::size_t columns = 0;          ///< Tiles per row; 0: near-square.
-  bool half_precision = true;       ///< Values as half, else float. Sigma is always float.
-  std::vector<double> theta_i;      ///< [rad], ascending; empty: those of the BRDF, or 0 20 40 60 deg.
-  std::string method = "measured";  ///< measured | simulated | model
+  std::size_t width = 360;           ///< Of a tile; the default suits BC6H (sides divisible by 4).
+  std::size_t height = 180;          ///< Of a tile.
+  std::size_t columns = 0;           ///< Tiles per row; 0: near-square.
+  bool half_precision = true;        ///< Values as half, else float. Sigma is always float.
+  std::vector<double> theta_i = {};  ///< [rad], ascending; empty: those of the BRDF, or 0 20 40 60 deg.
+  std::string method = "measured";   ///< measured | simulated | model
 };
 
 /// Tiles of any isotropic BRDF, with origin, and with sigma (random and systematic in one) where

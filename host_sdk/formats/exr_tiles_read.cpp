@@ -8,6 +8,7 @@
 
 #include <exception>
 
+#include "host_sdk/formats/exr_header.h"
 #include "host_sdk/formats/exr_stream.h"
 #include "host_sdk/formats/exr_tile_layout.h"
 #include "host_sdk/formats/exr_tiles.h"
@@ -188,6 +189,9 @@ Result<SpecularGridBrdf> decode(std::string_view bytes, std::string_view name) {
 }  // namespace
 
 Result<SpecularGridBrdf> decode_exr_tiles(std::string_view bytes, std::string_view name) {
+  if (Status status = check_exr_header(bytes, name); !status) {
+    return std::unexpected(status.error());
+  }
   try {
     return decode(bytes, name);
   } catch (const std::exception& error) {

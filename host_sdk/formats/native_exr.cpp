@@ -21,6 +21,7 @@
 #include <set>
 #include <vector>
 
+#include "host_sdk/formats/exr_header.h"
 #include "host_sdk/formats/exr_stream.h"
 #include "host_sdk/formats/file_bytes.h"
 
@@ -361,6 +362,9 @@ Result<std::string> encode_native_exr(const GridBrdf& grid) {
 }
 
 Result<GridBrdf> decode_native_exr(std::string_view bytes, std::string_view name) {
+  if (Status status = check_exr_header(bytes, name); !status) {
+    return std::unexpected(status.error());
+  }
   try {
     return Decoder(bytes, name).decode();
   } catch (const std::exception& error) {

@@ -233,7 +233,8 @@ class Decoder {
     if (notes.empty()) {
       return grid;
     }
-    if (plain_agrees > 2 * cosine_agrees) {
+    const std::size_t blocks = content.f_per_sr.size() * content.rotation.size() * content.theta_i.size();
+    if (2 * plain_agrees > blocks && plain_agrees > 2 * cosine_agrees) {
       notes += "TIS fits the integral without cosine: the values may be cosine-weighted\n";
     }
     SpecularGridBrdf::Content noted = content;
