@@ -80,7 +80,17 @@ float ExposurePlanner::fair_longest_us(bool with_short) const noexcept {
   }
   const float share = available / units;
   if (with_short) {
-    return (share - static_cast<float>(current_us_) - 2 * readout) / (1 + 1 / kFirstStep);
+    const Exposures* guess = model();
+    if (guess == nullptr || guess->size() < 2) {
+      return (share - static_cast<float>(current_us_) - 2 * readout) / (1 + 1 / kFirstStep);
+    }
+    // As many shorter exposures as the one before needed, less those already taken.
+    float shorter = 0;
+    for (std::size_t i = 1; i < guess->size(); ++i) {
+      shorter += readout + static_cast<float>((*guess)[i]);
+    }
+    const float others = std::max(shorter, static_cast<float>(current_us_));
+    return share - others - readout;
   }
   // Without saturation the frames so far will not be repeated: they cost this sweep only.
   return share - static_cast<float>(current_us_) / sweeps - readout;
@@ -195,6 +205,12 @@ std::optional<std::uint32_t> ExposurePlanner::wanted_long() const noexcept {
   return std::nullopt;
 }
 
+bool ExposurePlanner::deep_scene() const noexcept {
+  const Exposures* guess = model();
+  return guess != nullptr && static_cast<float>((*guess)[0]) >
+                                 kWidestStep * kWidestStep * static_cast<float>((*guess)[guess->size() - 1]);
+}
+
 std::optional<std::uint32_t> ExposurePlanner::wanted_short() const noexcept {
   const Taken* shortest = &taken_[0];
   for (const Taken& t : taken_) {
@@ -210,8 +226,8 @@ std::optional<std::uint32_t> ExposurePlanner::wanted_short() const noexcept {
       return clamped(like);
     }
   }
-  const bool last_chance = attempts_ + 1 == max_brackets_;
-  return clamped(from / (taken_.size() == 1 && !last_chance ? kFirstStep : kWidestStep));
+  const bool gentle = taken_.size() == 1 && attempts_ + 1 < max_brackets_ && !deep_scene();
+  return clamped(from / (gentle ? kFirstStep : kWidestStep));
 }
 
 std::optional<std::uint32_t> ExposurePlanner::wanted_between() const noexcept {

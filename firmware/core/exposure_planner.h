@@ -65,6 +65,7 @@ class ExposurePlanner {
   [[nodiscard]] std::optional<std::uint32_t> wanted_long() const noexcept;
   [[nodiscard]] std::optional<std::uint32_t> wanted_short() const noexcept;
   [[nodiscard]] std::optional<std::uint32_t> wanted_between() const noexcept;
+  [[nodiscard]] bool deep_scene() const noexcept;
   [[nodiscard]] float fair_longest_us(bool with_short) const noexcept;
   [[nodiscard]] float hard_limit_us() const noexcept;
   [[nodiscard]] const Exposures* model() const noexcept;

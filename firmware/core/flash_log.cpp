@@ -19,10 +19,6 @@ constexpr std::size_t kStaging =
     kRecordHeader + FlashLog::kMaxPayload + kRecordTrailer + FlashLog::kMaxGranule;
 constexpr std::byte kErased{0xFF};
 
-[[nodiscard]] bool is_erased(std::span<const std::byte> bytes) noexcept {
-  return std::ranges::all_of(bytes, [](std::byte b) { return b == kErased; });
-}
-
 }  // namespace
 
 std::uint32_t FlashLog::aligned(std::size_t size) const noexcept {
@@ -76,9 +72,13 @@ std::uint32_t FlashLog::end_of_data(std::uint32_t half) noexcept {
   for (std::uint32_t end = half_bytes_; end > 0;) {
     const std::uint32_t size = std::min<std::uint32_t>(end, block.size());
     const std::span<std::byte> bytes(block.data(), size);
-    // Cells that cannot be read are not free either.
-    if (!flash_.read(base(half) + end - size, bytes) || !is_erased(bytes)) {
-      return end;
+    if (!flash_.read(base(half) + end - size, bytes)) {
+      return end;  // Cells that cannot be read are not free either.
+    }
+    for (std::uint32_t used = size; used > 0; --used) {
+      if (bytes[used - 1] != kErased) {
+        return end - size + used;
+      }
     }
     end -= size;
   }
