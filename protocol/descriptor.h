@@ -80,8 +80,9 @@ struct Optics {
     return fields(field("center_x_px", &Optics::center_x_px, "px", "image of theta = 0"),
                   field("center_y_px", &Optics::center_y_px, "px", "image of theta = 0"),
                   field("radius_px", &Optics::radius_px, "px", "R of r = R (a1 t + a3 t^3 + a5 t^5)"),
-                  field("a1", &Optics::a1, "1/rad", ""), field("a3", &Optics::a3, "1/rad^3", ""),
-                  field("a5", &Optics::a5, "1/rad^5", ""),
+                  field("a1", &Optics::a1, "1/rad", "linear term"),
+                  field("a3", &Optics::a3, "1/rad^3", "cubic term"),
+                  field("a5", &Optics::a5, "1/rad^5", "quintic term"),
                   field("rotation_rad", &Optics::rotation_rad, "rad", "in-plane rotation"),
                   field("theta_max_rad", &Optics::theta_max_rad, "rad", "measured range"),
                   field("image_theta_max_rad", &Optics::image_theta_max_rad, "rad", "end of the image"));
@@ -109,17 +110,19 @@ struct SensorInfo {
   static constexpr auto schema() {
     using S = SensorInfo;
     return fields(
-        field("width_px", &S::width_px, "px", ""), field("height_px", &S::height_px, "px", ""),
+        field("width_px", &S::width_px, "px", "columns"), field("height_px", &S::height_px, "px", "rows"),
         field("bits", &S::bits, "bit", "significant bits"),
-        field("min_exposure_us", &S::min_exposure_us, "us", ""),
-        field("max_exposure_us", &S::max_exposure_us, "us", ""),
+        field("min_exposure_us", &S::min_exposure_us, "us", "shortest exposure"),
+        field("max_exposure_us", &S::max_exposure_us, "us", "longest exposure"),
         field("readout_us", &S::readout_us, "us", "readout of a full frame"),
-        field("gain_e_per_dn", &S::gain_e_per_dn, "e-/DN", ""),
-        field("full_well_e", &S::full_well_e, "e-", ""), field("read_noise_e", &S::read_noise_e, "e-", "rms"),
-        field("black_level_dn", &S::black_level_dn, "DN", ""),
+        field("gain_e_per_dn", &S::gain_e_per_dn, "e-/DN", "electrons per count"),
+        field("full_well_e", &S::full_well_e, "e-", "electrons at saturation"),
+        field("read_noise_e", &S::read_noise_e, "e-", "rms"),
+        field("black_level_dn", &S::black_level_dn, "DN", "counts without light"),
         field("dark_current_e_per_s", &S::dark_current_e_per_s, "e-/s", "at the reference temperature"),
         field("dark_doubling_K", &S::dark_doubling_K, "K", "dark current doubles every"),
-        field("reference_temperature_mK", &S::reference_temperature_mK, "mK", ""),
+        field("reference_temperature_mK", &S::reference_temperature_mK, "mK",
+              "at which the dark current is stated"),
         field("linearity", &S::linearity, "1", "c of q_measured = q (1 + c q / full_well)"));
   }
   friend constexpr bool operator==(const SensorInfo&, const SensorInfo&) noexcept = default;
@@ -161,13 +164,16 @@ struct Descriptor {
   BoundedArray<ReferenceCertificate, 4> certificates{};  ///< Of the references delivered with the instrument.
   static constexpr auto schema() {
     using D = Descriptor;
-    return fields(field("product", &D::product, "", ""), field("serial", &D::serial, "", ""),
-                  field("hardware_revision", &D::hardware_revision, "", ""),
-                  field("sensor", &D::sensor, "", ""), field("optics", &D::optics, "", ""),
+    return fields(field("product", &D::product, "", "product's name"),
+                  field("serial", &D::serial, "", "serial number, unique"),
+                  field("hardware_revision", &D::hardware_revision, "", "of the electronics"),
+                  field("sensor", &D::sensor, "", "image sensor"),
+                  field("optics", &D::optics, "", "where directions fall on the sensor"),
                   field("spot_diameter_mm", &D::spot_diameter_mm, "mm", "at normal incidence"),
                   field("monitor_slope_per_K", &D::monitor_slope_per_K, "1/K", "of the monitor's reading"),
-                  field("dark_lifetime_s", &D::dark_lifetime_s, "s", ""),
-                  field("reference_lifetime_s", &D::reference_lifetime_s, "s", ""),
+                  field("dark_lifetime_s", &D::dark_lifetime_s, "s", "a dark calibration expires after this"),
+                  field("reference_lifetime_s", &D::reference_lifetime_s, "s",
+                        "a reference calibration expires after this"),
                   field("calibration_span_mK", &D::calibration_span_mK, "mK", "expires beyond"),
                   field("reference_stage", &D::reference_stage, "", "1: places references itself"),
                   field("transmission_module", &D::transmission_module, "", "1: mounted"),

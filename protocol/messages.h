@@ -1,5 +1,6 @@
 // Every message of the wire: one struct and one constexpr field list each. The codec, the tables of
-// SPEC.md and the machine-readable description are derived from these lists and from nothing else.
+// SPEC.md and the machine-readable description are derived from these lists and from nothing else. Long,
+// because ids and shapes of all messages are to be seen in one place.
 // One file because the list of all messages is what they are derived from.
 //
 // Rules (SPEC.md section 4): fields are little endian, in order, unpadded; arrays and texts carry a
@@ -133,7 +134,8 @@ struct CalibrationKindState {
     using S = CalibrationKindState;
     return fields(field("kind", &S::kind, "", "1 dark cap, 2 white, 3 black, 4 translucent"),
                   field("verdict", &S::verdict, "", "0 valid, 1 needed, 2 too old, 3 temperature moved"),
-                  field("id", &S::id, "", ""), field("age_s", &S::age_s, "s", ""),
+                  field("id", &S::id, "", "calibration in force, zero = none"),
+                  field("age_s", &S::age_s, "s", "since its commit"),
                   field("temperature_change_mK", &S::temperature_change_mK, "mK", "since the calibration"),
                   field("action", &S::action, "", "what the user must do"));
   }
@@ -232,7 +234,7 @@ struct ObjectRead {
   std::uint32_t length = 0;
   static constexpr auto schema() {
     return fields(field("object", &ObjectRead::object, "", "ObjectId"),
-                  field("offset", &ObjectRead::offset, "B", ""),
+                  field("offset", &ObjectRead::offset, "B", "first byte wanted"),
                   field("length", &ObjectRead::length, "B", "wanted; the device may send less"));
   }
 };
@@ -249,7 +251,7 @@ struct ObjectChunk {
   TailBytes data{};
   static constexpr auto schema() {
     return fields(field("object", &ObjectChunk::object, "", "ObjectId"),
-                  field("offset", &ObjectChunk::offset, "B", ""),
+                  field("offset", &ObjectChunk::offset, "B", "of `data` in the object"),
                   field("total", &ObjectChunk::total, "B", "size of the whole object"),
                   field("object_crc", &ObjectChunk::object_crc, "", "CRC-32C of the whole object"),
                   field("data", &ObjectChunk::data, "", "the bytes"));
@@ -273,7 +275,7 @@ struct Configuration {
   Recipe recipe{};
   static constexpr auto schema() {
     return fields(field("epoch", &Configuration::epoch, "", "settings epoch of this recipe"),
-                  field("recipe", &Configuration::recipe, "", ""));
+                  field("recipe", &Configuration::recipe, "", "what to measure"));
   }
 };
 
@@ -283,7 +285,9 @@ struct SetConfiguration {
   static constexpr std::string_view kName = "set_configuration";
   static constexpr std::string_view kMeaning = "Sets the recipe; not while a run is on.";
   Recipe recipe{};
-  static constexpr auto schema() { return fields(field("recipe", &SetConfiguration::recipe, "", "")); }
+  static constexpr auto schema() {
+    return fields(field("recipe", &SetConfiguration::recipe, "", "what to measure"));
+  }
 };
 
 /// device -> host.
@@ -295,7 +299,7 @@ struct ConfigurationAccepted {
   std::uint32_t planned_frames = 0;
   std::uint32_t planned_duration_us = 0;
   static constexpr auto schema() {
-    return fields(field("epoch", &ConfigurationAccepted::epoch, "", ""),
+    return fields(field("epoch", &ConfigurationAccepted::epoch, "", "settings epoch that begins"),
                   field("planned_frames", &ConfigurationAccepted::planned_frames, "frames",
                         "fixed: exact; auto: at most"),
                   field("planned_duration_us", &ConfigurationAccepted::planned_duration_us, "us",
@@ -326,7 +330,7 @@ struct Started {
   std::uint64_t device_time_us = 0;
   static constexpr auto schema() {
     return fields(field("run_id", &Started::run_id, "", "rises by one per run"),
-                  field("device_time_us", &Started::device_time_us, "us", ""));
+                  field("device_time_us", &Started::device_time_us, "us", "device's clock"));
   }
 };
 
@@ -359,12 +363,12 @@ struct RunReport {
   std::uint64_t ended_us = 0;
   std::uint64_t held_us = 0;
   static constexpr auto schema() {
-    return fields(field("run_id", &RunReport::run_id, "", ""),
+    return fields(field("run_id", &RunReport::run_id, "", "run that ended, or the last one"),
                   field("reason", &RunReport::reason, "", "RunEnd"),
                   field("ledger", &RunReport::ledger, "", "exposed, lost_sensor, lost_firmware; the rest 0"),
                   field("frames_sent", &RunReport::frames_sent, "frames", "frames whose end was sent"),
-                  field("started_us", &RunReport::started_us, "us", ""),
-                  field("ended_us", &RunReport::ended_us, "us", ""),
+                  field("started_us", &RunReport::started_us, "us", "device's clock at the start"),
+                  field("ended_us", &RunReport::ended_us, "us", "device's clock at the end"),
                   field("held_us", &RunReport::held_us, "us", "time the run waited for credit"));
   }
 };
@@ -377,7 +381,7 @@ struct Credit {
   std::uint32_t run_id = 0;
   std::uint32_t may_send_until = 0;
   static constexpr auto schema() {
-    return fields(field("run_id", &Credit::run_id, "", ""),
+    return fields(field("run_id", &Credit::run_id, "", "run it is for; others ignore it"),
                   field("may_send_until", &Credit::may_send_until, "",
                         "frame ids below this may be sent; lower values than before are ignored"));
   }
@@ -412,25 +416,26 @@ struct FrameBegin {
   std::uint32_t total = 0;
   static constexpr auto schema() {
     return fields(
-        field("run_id", &FrameBegin::run_id, "", ""),
+        field("run_id", &FrameBegin::run_id, "", "run"),
         field("frame_id", &FrameBegin::frame_id, "",
               "stamped at the exposure, before anything can be dropped; from 0 per run"),
         field("epoch", &FrameBegin::epoch, "", "settings this frame was taken with"),
         field("calibration_id", &FrameBegin::calibration_id, "", "device's current white calibration"),
         field("kind", &FrameBegin::kind, "", "0 light, 1 ambient, 2 dark"),
-        field("target", &FrameBegin::target, "", ""),
+        field("target", &FrameBegin::target, "", "what lies under the instrument"),
         field("illumination", &FrameBegin::illumination, "", "index, 255 = none"),
         field("bracket", &FrameBegin::bracket, "", "exposure number within the illumination and sweep"),
         field("sweep", &FrameBegin::sweep, "", "0-based"),
-        field("exposure_us", &FrameBegin::exposure_us, "us", ""),
-        field("gain_milli", &FrameBegin::gain_milli, "1e-3", ""),
-        field("sensor_temperature_mK", &FrameBegin::sensor_temperature_mK, "mK", ""),
-        field("led_temperature_mK", &FrameBegin::led_temperature_mK, "mK", ""),
+        field("exposure_us", &FrameBegin::exposure_us, "us", "exposure time"),
+        field("gain_milli", &FrameBegin::gain_milli, "1e-3", "sensor gain"),
+        field("sensor_temperature_mK", &FrameBegin::sensor_temperature_mK, "mK", "of the sensor"),
+        field("led_temperature_mK", &FrameBegin::led_temperature_mK, "mK", "of the LED board"),
         field("monitor_uv", &FrameBegin::monitor_uv, "uV", "photodiode reading during the exposure"),
         field("exposure_start_us", &FrameBegin::exposure_start_us, "us", "device's clock"),
-        field("x", &FrameBegin::x, "px", "window"), field("y", &FrameBegin::y, "px", ""),
-        field("width", &FrameBegin::width, "px", ""), field("height", &FrameBegin::height, "px", ""),
-        field("pixel_format", &FrameBegin::pixel_format, "", ""),
+        field("x", &FrameBegin::x, "px", "window"), field("y", &FrameBegin::y, "px", "window, top"),
+        field("width", &FrameBegin::width, "px", "window"),
+        field("height", &FrameBegin::height, "px", "window"),
+        field("pixel_format", &FrameBegin::pixel_format, "", "0 Mono16, 1 Mono10p, 2 Mono12p"),
         field("bits", &FrameBegin::bits, "bit", "significant bits"),
         field("total", &FrameBegin::total, "B", "bytes of pixel data"));
   }
@@ -447,10 +452,11 @@ struct FrameData {
   std::uint32_t total = 0;
   TailBytes data{};
   static constexpr auto schema() {
-    return fields(
-        field("run_id", &FrameData::run_id, "", ""), field("frame_id", &FrameData::frame_id, "", ""),
-        field("offset", &FrameData::offset, "B", "of `data` in the frame"),
-        field("total", &FrameData::total, "B", ""), field("data", &FrameData::data, "", "pixel bytes"));
+    return fields(field("run_id", &FrameData::run_id, "", "run"),
+                  field("frame_id", &FrameData::frame_id, "", "frame in the run"),
+                  field("offset", &FrameData::offset, "B", "of `data` in the frame"),
+                  field("total", &FrameData::total, "B", "bytes of pixel data of the frame"),
+                  field("data", &FrameData::data, "", "pixel bytes"));
   }
 };
 
@@ -467,12 +473,14 @@ struct FrameEnd {
   std::uint32_t frame_crc = 0;
   std::uint64_t readout_end_us = 0;
   static constexpr auto schema() {
-    return fields(field("run_id", &FrameEnd::run_id, "", ""), field("frame_id", &FrameEnd::frame_id, "", ""),
-                  field("saturated_pixels", &FrameEnd::saturated_pixels, "px", ""),
-                  field("max_dn", &FrameEnd::max_dn, "DN", "brightest unsaturated pixel"),
-                  field("flags", &FrameEnd::flags, "", "FrameFlags"),
-                  field("frame_crc", &FrameEnd::frame_crc, "", "CRC-32C of all pixel bytes"),
-                  field("readout_end_us", &FrameEnd::readout_end_us, "us", "device's clock"));
+    return fields(
+        field("run_id", &FrameEnd::run_id, "", "run"),
+        field("frame_id", &FrameEnd::frame_id, "", "frame in the run"),
+        field("saturated_pixels", &FrameEnd::saturated_pixels, "px", "pixels at or above saturation"),
+        field("max_dn", &FrameEnd::max_dn, "DN", "brightest unsaturated pixel"),
+        field("flags", &FrameEnd::flags, "", "FrameFlags"),
+        field("frame_crc", &FrameEnd::frame_crc, "", "CRC-32C of all pixel bytes"),
+        field("readout_end_us", &FrameEnd::readout_end_us, "us", "device's clock"));
   }
 };
 
@@ -489,13 +497,14 @@ struct RunFinished {
   std::uint64_t ended_us = 0;
   std::uint64_t held_us = 0;
   static constexpr auto schema() {
-    return fields(field("run_id", &RunFinished::run_id, "", ""),
-                  field("reason", &RunFinished::reason, "", "RunEnd"),
-                  field("ledger", &RunFinished::ledger, "", ""),
-                  field("frames_sent", &RunFinished::frames_sent, "frames", ""),
-                  field("started_us", &RunFinished::started_us, "us", ""),
-                  field("ended_us", &RunFinished::ended_us, "us", ""),
-                  field("held_us", &RunFinished::held_us, "us", "time the run waited for credit"));
+    return fields(
+        field("run_id", &RunFinished::run_id, "", "run that ended"),
+        field("reason", &RunFinished::reason, "", "RunEnd"),
+        field("ledger", &RunFinished::ledger, "", "exposed, lost_sensor, lost_firmware; the rest 0"),
+        field("frames_sent", &RunFinished::frames_sent, "frames", "frames whose end was sent"),
+        field("started_us", &RunFinished::started_us, "us", "device's clock at the start"),
+        field("ended_us", &RunFinished::ended_us, "us", "device's clock at the end"),
+        field("held_us", &RunFinished::held_us, "us", "time the run waited for credit"));
   }
 };
 
@@ -509,8 +518,8 @@ struct LogEvent {
   BoundedString<128> text{};
   static constexpr auto schema() {
     return fields(field("level", &LogEvent::level, "", "0 debug .. 4 error"),
-                  field("device_time_us", &LogEvent::device_time_us, "us", ""),
-                  field("text", &LogEvent::text, "", ""));
+                  field("device_time_us", &LogEvent::device_time_us, "us", "device's clock"),
+                  field("text", &LogEvent::text, "", "the line"));
   }
 };
 
@@ -524,8 +533,8 @@ struct FaultEvent {
   BoundedString<128> text{};
   static constexpr auto schema() {
     return fields(field("fault", &FaultEvent::fault, "", "FaultCode"),
-                  field("device_time_us", &FaultEvent::device_time_us, "us", ""),
-                  field("text", &FaultEvent::text, "", ""));
+                  field("device_time_us", &FaultEvent::device_time_us, "us", "device's clock"),
+                  field("text", &FaultEvent::text, "", "what happened"));
   }
 };
 
@@ -560,19 +569,24 @@ struct DeviceStatus {
   static constexpr auto schema() {
     return fields(
         field("run_state", &DeviceStatus::run_state, "", "RunState"),
-        field("device_time_us", &DeviceStatus::device_time_us, "us", ""),
-        field("sensor_temperature_mK", &DeviceStatus::sensor_temperature_mK, "mK", ""),
-        field("led_temperature_mK", &DeviceStatus::led_temperature_mK, "mK", ""),
-        field("epoch", &DeviceStatus::epoch, "", ""), field("run_id", &DeviceStatus::run_id, "", ""),
+        field("device_time_us", &DeviceStatus::device_time_us, "us", "device's clock"),
+        field("sensor_temperature_mK", &DeviceStatus::sensor_temperature_mK, "mK", "of the sensor"),
+        field("led_temperature_mK", &DeviceStatus::led_temperature_mK, "mK", "of the LED board"),
+        field("epoch", &DeviceStatus::epoch, "", "settings epoch in force"),
+        field("run_id", &DeviceStatus::run_id, "", "run under way, or the last one"),
         field("frames_good", &DeviceStatus::frames_good, "frames", "wire frames accepted"),
-        field("frames_bad_header", &DeviceStatus::frames_bad_header, "frames", ""),
-        field("frames_bad_payload", &DeviceStatus::frames_bad_payload, "frames", ""),
+        field("frames_bad_header", &DeviceStatus::frames_bad_header, "frames",
+              "wire frames with a wrong header checksum"),
+        field("frames_bad_payload", &DeviceStatus::frames_bad_payload, "frames",
+              "wire frames with a wrong payload checksum"),
         field("bytes_skipped", &DeviceStatus::bytes_skipped, "B", "while looking for a frame"),
         field("stale_session", &DeviceStatus::stale_session, "frames", "wrong nonce"),
         field("duplicates", &DeviceStatus::duplicates, "frames", "requests answered from the reply cache"),
-        field("unknown_events", &DeviceStatus::unknown_events, "frames", ""),
+        field("unknown_events", &DeviceStatus::unknown_events, "frames",
+              "messages not known, other than requests"),
         field("last_fault", &DeviceStatus::last_fault, "", "FaultCode"),
-        field("calibration_records_recovered", &DeviceStatus::calibration_records_recovered, "", ""));
+        field("calibration_records_recovered", &DeviceStatus::calibration_records_recovered, "",
+              "damaged records passed over at boot"));
   }
 };
 
@@ -592,7 +606,7 @@ struct CalibrationBegun {
   std::uint32_t session = 0;
   std::uint8_t reference_stage = 0;
   static constexpr auto schema() {
-    return fields(field("session", &CalibrationBegun::session, "", ""),
+    return fields(field("session", &CalibrationBegun::session, "", "number of this calibration session"),
                   field("reference_stage", &CalibrationBegun::reference_stage, "",
                         "1: the device places references itself"));
   }
@@ -607,8 +621,8 @@ struct CalibrationStep {
   std::uint32_t session = 0;
   Target target = Target::kWhiteReference;
   static constexpr auto schema() {
-    return fields(field("session", &CalibrationStep::session, "", ""),
-                  field("target", &CalibrationStep::target, "", ""));
+    return fields(field("session", &CalibrationStep::session, "", "calibration session"),
+                  field("target", &CalibrationStep::target, "", "what to bring under the instrument"));
   }
 };
 
@@ -633,8 +647,8 @@ struct CalibrationCommit {
   std::uint32_t session = 0;
   CalibrationManifest manifest{};
   static constexpr auto schema() {
-    return fields(field("session", &CalibrationCommit::session, "", ""),
-                  field("manifest", &CalibrationCommit::manifest, "", ""));
+    return fields(field("session", &CalibrationCommit::session, "", "calibration session"),
+                  field("manifest", &CalibrationCommit::manifest, "", "what to store"));
   }
 };
 
@@ -645,7 +659,9 @@ struct CalibrationEnd {
   static constexpr std::string_view kMeaning =
       "Closes the calibration session, committed or not; the sample comes back.";
   std::uint32_t session = 0;
-  static constexpr auto schema() { return fields(field("session", &CalibrationEnd::session, "", "")); }
+  static constexpr auto schema() {
+    return fields(field("session", &CalibrationEnd::session, "", "calibration session"));
+  }
 };
 
 /// host -> device, control.
@@ -693,7 +709,9 @@ struct CalibrationUndo {
   static constexpr std::string_view kName = "calibration_undo";
   static constexpr std::string_view kMeaning = "Makes the kind's previous manifest current again.";
   Target kind = Target::kWhiteReference;
-  static constexpr auto schema() { return fields(field("kind", &CalibrationUndo::kind, "", "")); }
+  static constexpr auto schema() {
+    return fields(field("kind", &CalibrationUndo::kind, "", "1 dark cap, 2 white, 3 black, 4 translucent"));
+  }
 };
 
 /// host -> device, control.
@@ -711,7 +729,7 @@ struct KeyValueGet {
   static constexpr std::string_view kName = "key_value_get";
   static constexpr std::string_view kMeaning = "Reads a stored setting.";
   BoundedString<32> key{};
-  static constexpr auto schema() { return fields(field("key", &KeyValueGet::key, "", "")); }
+  static constexpr auto schema() { return fields(field("key", &KeyValueGet::key, "", "setting's name")); }
 };
 
 /// device -> host.
@@ -723,8 +741,9 @@ struct KeyValue {
   BoundedString<64> value{};
   std::uint8_t read_only = 0;
   static constexpr auto schema() {
-    return fields(field("key", &KeyValue::key, "", ""), field("value", &KeyValue::value, "", ""),
-                  field("read_only", &KeyValue::read_only, "", ""));
+    return fields(field("key", &KeyValue::key, "", "setting's name"),
+                  field("value", &KeyValue::value, "", "setting's value"),
+                  field("read_only", &KeyValue::read_only, "", "1: cannot be written"));
   }
 };
 
@@ -736,7 +755,8 @@ struct KeyValueSet {
   BoundedString<32> key{};
   BoundedString<64> value{};
   static constexpr auto schema() {
-    return fields(field("key", &KeyValueSet::key, "", ""), field("value", &KeyValueSet::value, "", ""));
+    return fields(field("key", &KeyValueSet::key, "", "setting's name"),
+                  field("value", &KeyValueSet::value, "", "setting's value"));
   }
 };
 
@@ -769,7 +789,7 @@ struct ClockSynced {
   std::uint64_t device_time_us = 0;
   static constexpr auto schema() {
     return fields(field("host_time_us", &ClockSynced::host_time_us, "us", "as sent"),
-                  field("device_time_us", &ClockSynced::device_time_us, "us", ""));
+                  field("device_time_us", &ClockSynced::device_time_us, "us", "device's clock"));
   }
 };
 
@@ -782,9 +802,9 @@ struct UpdateBegin {
   std::array<std::uint8_t, 32> image_sha256{};
   BoundedString<32> version{};
   static constexpr auto schema() {
-    return fields(field("image_size", &UpdateBegin::image_size, "B", ""),
-                  field("image_sha256", &UpdateBegin::image_sha256, "", ""),
-                  field("version", &UpdateBegin::version, "", ""));
+    return fields(field("image_size", &UpdateBegin::image_size, "B", "bytes of the image"),
+                  field("image_sha256", &UpdateBegin::image_sha256, "", "SHA-256 of the image"),
+                  field("version", &UpdateBegin::version, "", "of the image"));
   }
 };
 
@@ -796,7 +816,8 @@ struct UpdateWrite {
   std::uint32_t offset = 0;
   TailBytes data{};
   static constexpr auto schema() {
-    return fields(field("offset", &UpdateWrite::offset, "B", ""), field("data", &UpdateWrite::data, "", ""));
+    return fields(field("offset", &UpdateWrite::offset, "B", "of `data` in the image"),
+                  field("data", &UpdateWrite::data, "", "the bytes"));
   }
 };
 
@@ -838,9 +859,9 @@ struct UpdateState {
   static constexpr auto schema() {
     return fields(field("state", &UpdateState::state, "", "UpdatePhase"),
                   field("received", &UpdateState::received, "B", "resume from here"),
-                  field("running_version", &UpdateState::running_version, "", ""),
-                  field("other_version", &UpdateState::other_version, "", ""),
-                  field("confirmed", &UpdateState::confirmed, "", ""));
+                  field("running_version", &UpdateState::running_version, "", "version of the running image"),
+                  field("other_version", &UpdateState::other_version, "", "version in the other slot"),
+                  field("confirmed", &UpdateState::confirmed, "", "1: the running image is kept"));
   }
 };
 
