@@ -1,6 +1,5 @@
 // Every message of the wire: one struct and one constexpr field list each. The codec, the tables of
-// SPEC.md and the machine-readable description are derived from these lists and from nothing else. Long,
-// because ids and shapes of all messages are to be seen in one place.
+// SPEC.md and the machine-readable description are derived from these lists and from nothing else.
 // One file because the list of all messages is what they are derived from.
 //
 // Rules (SPEC.md section 4): fields are little endian, in order, unpadded; arrays and texts carry a
