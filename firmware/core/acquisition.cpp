@@ -52,13 +52,13 @@ void Acquisition::end_now(RunEnd reason) noexcept {
   if (!active()) {
     return;
   }
-  lights_out();
   if (phase_ == Phase::kExposing || phase_ == Phase::kReading) {
     if (!test_pattern()) {
       ports_.sensor.release();
     }
     ++report_.ledger.lost_firmware;
   }
+  lights_out();
   if (phase_ == Phase::kHold) {
     report_.held_us += ports_.clock.now_us() - hold_since_us_;
   }
@@ -395,10 +395,10 @@ void Acquisition::send_end(std::span<std::byte> slot) noexcept {
 }
 
 void Acquisition::lose_frame(FaultCode code, std::string_view what) noexcept {
-  lights_out();
   if (!test_pattern()) {
     ports_.sensor.release();
   }
+  lights_out();
   events_.fault(code,
                 Text("frame ") << (next_frame_id_ == 0 ? 0U : next_frame_id_ - 1U) << " lost: " << what);
   sequence_.record_lost(static_cast<std::uint32_t>(ports_.clock.now_us() - triggered_us_));
