@@ -212,6 +212,9 @@ void ReplayTransport::on_request(const protocol::Frame& request) {
         return;
       }
       break;
+    case MessageId::kGetStatus:
+      on_get_status(header);
+      return;
     case MessageId::kStop:
       on_end(header, protocol::RunEnd::kStopped);
       return;
@@ -310,6 +313,20 @@ void ReplayTransport::on_start(const protocol::FrameHeader& request, const proto
     }
   }
   refuse(request, StatusCode::kFailedPrecondition, "the recording holds no run with this settings epoch");
+}
+
+void ReplayTransport::on_get_status(const protocol::FrameHeader& request) {
+  const RecordingReader::Impl& contents = *recording_.impl_;
+  protocol::DeviceStatus status;
+  status.run_state = static_cast<std::uint8_t>(protocol::RunState::kIdle);
+  if (playing_) {
+    status.run_id = report(protocol::RunEnd::kHostGone).run_id;
+    status.epoch = contents.runs[run_].configuration.epoch;
+    if (!ended_) {  // Everything with credit is played at once, so what is left waits for credit.
+      status.run_state = static_cast<std::uint8_t>(protocol::RunState::kHolding);
+    }
+  }
+  send(Channel::kControl, request.correlation, status);
 }
 
 void ReplayTransport::on_end(const protocol::FrameHeader& request, protocol::RunEnd reason) {

@@ -19,7 +19,7 @@ namespace scatter::device {
 /// `replay:FILE`. Errors  as RecordingReader::open; kInvalidArgument: no file named.
 [[nodiscard]] Result<std::unique_ptr<Transport>> open_replay(const Uri& uri, const Wait& wait);
 
-/// Answers HELLO, object reads, configuration, start, stop and abort from the recording and streams
+/// Answers HELLO, object reads, configuration, start, status, stop and abort from the recording and streams
 /// the recorded frames, losses included, as credits allow; everything else is refused with
 /// FAILED_PRECONDITION. A configuration is accepted when a run was recorded with the same recipe.
 /// Time stands still but for waits; the Unix time is the recorded one.
@@ -41,6 +41,7 @@ class ReplayTransport final : public Transport {
   void on_object_read(const protocol::FrameHeader& request, const protocol::ObjectRead& message);
   void on_set_configuration(const protocol::FrameHeader& request, const protocol::Recipe& recipe);
   void on_start(const protocol::FrameHeader& request, const protocol::Start& message);
+  void on_get_status(const protocol::FrameHeader& request);
   void on_end(const protocol::FrameHeader& request, protocol::RunEnd reason);
   void refuse(const protocol::FrameHeader& request, protocol::StatusCode status, std::string_view text);
   template <typename Message>

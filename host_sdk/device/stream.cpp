@@ -16,6 +16,7 @@ using protocol::MessageId;
 constexpr Duration kSlice = std::chrono::milliseconds(20);
 // Silence after which the host asks what is going on: a credit or the end may have been lost.
 constexpr Duration kSilence = std::chrono::milliseconds(500);
+constexpr int kRepeatedGrants = 3;
 constexpr Duration kLiveSilence = std::chrono::milliseconds(100);
 constexpr std::uint32_t kMaxCatchUp = 1U << 20U;
 constexpr Duration kInquiry = std::chrono::seconds(1);
@@ -102,6 +103,7 @@ void Stream::State::on_stream(const protocol::Frame& frame, std::uint64_t host_t
   record(frame, host_time_unix_ns);
   assembler_.accept(frame, host_time_unix_ns);
   catch_up_ = 0;
+  holds_ = 0;
   while (plan_.live && assembler_.ready() > plan_.window) {
     lost_host_ += assembler_.pop()->status == FrameStatus::kComplete ? 1U : 0U;
   }
@@ -236,9 +238,17 @@ Status Stream::State::inquire(TimePoint deadline, const std::stop_token& stop) {
     return {};
   }
   if (state == protocol::RunState::kHolding) {
-    // It has sent all it may. What is not here by now was lost on the way.
-    assembler_.skip_to(granted_until_);
-    return assembler_.ready() != 0 ? Status() : grant(granted_until_ + plan_.window, stop);
+    // It has sent all it may as far as it knows: open frames will not be completed.
+    assembler_.flush();
+    if (assembler_.ready() != 0) {
+      return {};
+    }
+    // Either the last grant was lost, or all the frames it allowed were. Repeating it is harmless.
+    if (++holds_ > kRepeatedGrants) {
+      holds_ = 0;
+      assembler_.skip_to(granted_until_);
+      return grant(granted_until_ + plan_.window, stop);
+    }
   }
   return grant(granted_until_, stop);
 }

@@ -58,6 +58,7 @@ struct Stream::State final : WireSink {
   StreamPlan plan_;
   std::uint32_t granted_until_;
   std::uint32_t catch_up_ = 0;  ///< Live preview: size of the next grant into the unknown.
+  int holds_ = 0;               ///< Inquiries in a row that found the device holding.
   bool running_ = false;
   bool finished_ = false;
   bool stop_sent_ = false;
