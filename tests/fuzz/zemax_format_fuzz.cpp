@@ -1,0 +1,40 @@
+// The Zemax reader: what it accepts is a consistent grid, the same with either kind of line end.
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "host_sdk/formats/zemax.h"
+
+using namespace scatter::reflectance;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  const auto grid = scatter::formats::decode_zemax(text, "fuzz.bsdf");
+  if (!grid && (!grid.error().what.starts_with("fuzz.bsdf: ") || grid.error().remedy.empty())) {
+    std::abort();
+  }
+  std::string crlf;
+  for (const char c : text) {
+    if (c == '\n') {
+      crlf += '\r';
+    }
+    crlf += c;
+  }
+  const auto same = scatter::formats::decode_zemax(crlf, "fuzz.bsdf");
+  if (same.has_value() != grid.has_value()) {
+    // Longer lines can only let a count pass that had too few bytes behind it, never the reverse.
+    if (grid) {
+      std::abort();
+    }
+    return 0;
+  }
+  if (grid && (same->content().f_per_sr != grid->content().f_per_sr ||
+               same->content().radial != grid->content().radial ||
+               !SpecularGridBrdf::make(grid->content()).has_value())) {
+    std::abort();
+  }
+  return 0;
+}
