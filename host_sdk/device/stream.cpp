@@ -10,8 +10,6 @@ namespace scatter::device {
 
 namespace {
 
-using protocol::MessageId;
-
 // Waits are cut into slices so that request_stop() from another thread is noticed.
 constexpr Duration kSlice = std::chrono::milliseconds(20);
 // Silence after which the host asks what is going on: a credit or the end may have been lost.
