@@ -46,45 +46,101 @@ struct Block {
   std::size_t n;
 };
 
-// Lets a pixel use the next longer exposure when all shorter ones together predict that it fits.
+// Neighbours on either side whose rates predict a pixel's next exposure.
+constexpr std::size_t kReach = 4;
+
+// Lets a pixel use the next longer exposure when the shorter exposures of its neighbours predict that
+// it fits. The pixel's own rate has no say: it would keep the pixels that came out high by chance.
 [[gnu::target_clones("avx2", "default")]] void admit(const FrameTerms& f, float previous_s, float usable_e,
                                                      std::size_t n, Scratch& s) {
+  std::array<float, kBlock + 2 * kReach> e;
+  std::array<float, kBlock + 2 * kReach> t;
+  e.fill(0);
+  t.fill(0);
+  std::copy_n(s.pooled_e.begin(), n, e.begin() + kReach);
+  std::copy_n(s.pooled_t.begin(), n, t.begin() + kReach);
   for (std::size_t i = 0; i < n; ++i) {
-    const bool fits = s.pooled_e[i] * f.tm < usable_e * s.pooled_t[i];
-    s.longest_s[i] = fits && s.longest_s[i] == previous_s ? f.t_s : s.longest_s[i];
+    float near_e = 0;
+    float near_t = 0;
+    for (std::size_t k = 0; k < kReach; ++k) {
+      near_e += e[i + k] + e[i + kReach + 1 + k];
+      near_t += t[i + k] + t[i + kReach + 1 + k];
+    }
+    const float now_s = s.longest_s[i];
+    const float longer_s = now_s == previous_s ? f.t_s : now_s;
+    s.longest_s[i] = near_e * f.tm < usable_e * near_t ? longer_s : now_s;
   }
 }
 
+// The two loops below see every pixel of every frame. They are written for the vectoriser: plain
+// pointers to planes that do not overlap (ivdep), choices as selections, no early exits.
 [[gnu::target_clones("avx2", "default")]] void pool(const Block& b, const FrameTerms& f, const SensorTerms& k,
                                                     Scratch& s) {
-  for (std::size_t i = 0; i < b.n; ++i) {
-    const float counts = static_cast<float>(b.dn[i]);
-    const float q = (counts - b.offset_dn[i]) * k.gain;
-    const float u = k.c_over_well * q;
-    const float background = (b.dark_rate[i] * f.dark + b.ambient_rate[i]) * f.t_s;
+  const std::uint16_t* dn = b.dn;
+  const float* offset = b.offset_dn;
+  const float* dark = b.dark_rate;
+  const float* ambient = b.ambient_rate;
+  const float* longest = s.longest_s.data();
+  float* pooled_e = s.pooled_e.data();
+  float* pooled_t = s.pooled_t.data();
+  const float gain = k.gain;
+  const float c = k.c_over_well;
+  const float saturation = k.saturation_dn;
+  const float growth = f.dark;
+  const float t_s = f.t_s;
+  const float tm = f.tm;
+  const std::size_t n = b.n;
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < n; ++i) {
+    const float counts = static_cast<float>(static_cast<int>(dn[i]));
+    const float q = (counts - offset[i]) * gain;
+    const float u = c * q;
+    const float background = (dark[i] * growth + ambient[i]) * t_s;
     const float e = q * (1.0F - u * (1.0F - u * (2.0F - 5.0F * u))) - background;
-    const bool use = s.longest_s[i] >= f.t_s && counts < k.saturation_dn;
-    s.pooled_e[i] += use ? e : 0.0F;
-    s.pooled_t[i] += use ? f.tm : 0.0F;
+    const float allowed = longest[i] >= t_s ? 1.0F : 0.0F;
+    const float use = counts < saturation ? allowed : 0.0F;
+    pooled_e[i] += use * e;
+    pooled_t[i] += use * tm;
   }
 }
 
 [[gnu::target_clones("avx2", "default")]] void weigh(const Block& b, const FrameTerms& f,
                                                      const SensorTerms& k, Scratch& s) {
+  const std::uint16_t* dn = b.dn;
+  const float* offset = b.offset_dn;
+  const float* dark = b.dark_rate;
+  const float* ambient = b.ambient_rate;
+  const float* longest = s.longest_s.data();
+  const float* pooled_rate = s.pooled_e.data();  // Divided by pooled_t by now.
+  float* weight = s.weight.data();
+  float* sum = s.sum.data();
+  float* offset_share = s.offset_share.data();
   const float inverse_tm = 1.0F / f.tm;
-  for (std::size_t i = 0; i < b.n; ++i) {
-    const float counts = static_cast<float>(b.dn[i]);
-    const float q = (counts - b.offset_dn[i]) * k.gain;
-    const float u = k.c_over_well * q;
-    const float background = (b.dark_rate[i] * f.dark + b.ambient_rate[i]) * f.t_s;
+  const float tm2 = f.tm * f.tm;
+  const float gain = k.gain;
+  const float c = k.c_over_well;
+  const float saturation = k.saturation_dn;
+  const float growth = f.dark;
+  const float t_s = f.t_s;
+  const float tm = f.tm;
+  const std::size_t n = b.n;
+  const float read_variance = k.read_variance_e2;
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < n; ++i) {
+    const float counts = static_cast<float>(static_cast<int>(dn[i]));
+    const float q = (counts - offset[i]) * gain;
+    const float u = c * q;
+    const float background = (dark[i] * growth + ambient[i]) * t_s;
     const float e = q * (1.0F - u * (1.0F - u * (2.0F - 5.0F * u))) - background;
-    const bool use = s.longest_s[i] >= f.t_s && counts < k.saturation_dn;
-    const float predicted_e = s.pooled_e[i] / std::max(s.pooled_t[i], 1e-20F) * f.tm;
-    const float variance = std::max(predicted_e, 0.0F) + std::max(background, 0.0F) + k.read_variance_e2;
-    const float w = use ? f.tm * f.tm / variance : 0.0F;
-    s.weight[i] += w;
-    s.sum[i] += w * e * inverse_tm;
-    s.offset_share[i] += w * inverse_tm;
+    const float allowed = longest[i] >= t_s ? 1.0F : 0.0F;
+    const float use = counts < saturation ? allowed : 0.0F;
+    const float predicted_e = pooled_rate[i] * tm;
+    const float light_e = predicted_e > 0.0F ? predicted_e : 0.0F;
+    const float background_e = background > 0.0F ? background : 0.0F;
+    const float w = use * tm2 / (light_e + background_e + read_variance);
+    weight[i] += w;
+    sum[i] += w * e * inverse_tm;
+    offset_share[i] += w * inverse_tm;
   }
 }
 
@@ -157,6 +213,11 @@ void merge_exposures(std::span<const Exposure> frames, const DarkModel& dark, co
     s.offset_share.fill(0);
     float previous_s = static_cast<float>(frames.front().exposure_s);
     for (int pass = 0; pass < 2; ++pass) {
+      if (pass == 1) {
+        for (std::size_t i = 0; i < n; ++i) {
+          s.pooled_e[i] /= s.pooled_t[i] > 0.0F ? s.pooled_t[i] : 1.0F;
+        }
+      }
       for (const Exposure& frame : frames) {
         const FrameTerms f{static_cast<float>(frame.exposure_s),
                            static_cast<float>(frame.exposure_s * frame.monitor_v),

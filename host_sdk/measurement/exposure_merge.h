@@ -66,8 +66,8 @@ struct AmbientImage {
 ///
 /// Estimator  weighted mean of e_k / (t_k m_k) with weights 1 / variance predicted from the pooled
 ///            rate, so that the weights do not follow each frame's own noise (which would bias the
-///            mean low). A frame is used for a pixel when the rate of all shorter exposures predicts
-///            less than 90 % of full well: the choice does not look at the frame's own noise either.
+///            mean low). A frame is used for a pixel when the shorter exposures of its neighbours
+///            predict less than 90 % of full well: choosing by the pixel's own noise would bias it.
 /// Shape      frames sorted by exposure_s; rate and variance of equal size.
 /// Result     [e-/s per volt]; where even the shortest exposure is saturated rate = 0 and
 ///            variance = infinity.

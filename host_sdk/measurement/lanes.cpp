@@ -29,6 +29,40 @@ double monitor_variance(const protocol::Descriptor& d, std::size_t frames,
           1.0 / static_cast<double>(std::max<std::size_t>(reference_frames, 1)));
 }
 
+/// A block of one lane: sample, reference and black rates with their variances.
+struct RateBlock {
+  const float* s;
+  const float* s_variance;
+  const float* w;
+  const float* w_variance;
+  const float* b;
+  const float* b_variance;
+  std::size_t n;
+};
+
+[[gnu::target_clones("avx2", "default")]] void refer(const RateBlock& in, float f_w, float f_b,
+                                                     float* __restrict f, float* __restrict variance) {
+  const float* __restrict s = in.s;
+  const float* __restrict w = in.w;
+  const float* __restrict b = in.b;
+  const float* __restrict vs = in.s_variance;
+  const float* __restrict vw = in.w_variance;
+  const float* __restrict vb = in.b_variance;
+  const std::size_t n = in.n;
+  constexpr float kNone = std::numeric_limits<float>::infinity();
+  for (std::size_t i = 0; i < n; ++i) {
+    const float span = w[i] - b[i];
+    const float scale = (f_w - f_b) / span;
+    const float x = (s[i] - b[i]) / span;
+    const float total = scale * scale * (vs[i] + (1.0F - x) * (1.0F - x) * vb[i] + x * x * vw[i]);
+    // Saturated anywhere: one of the variances is infinite, the sum infinite or (0 * infinity) NaN.
+    const float known = total < kNone ? 1.0F : 0.0F;
+    const float use = span > 0.0F ? known : 0.0F;
+    f[i] = use > 0.0F ? f_b + (f_w - f_b) * x : 0.0F;
+    variance[i] = use > 0.0F ? total : kNone;
+  }
+}
+
 }  // namespace
 
 LaneSelection select_lanes(const RecordedScan& scan, const ReferenceSet& references) {
@@ -98,6 +132,8 @@ LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection,
       oneapi::tbb::blocked_range<std::size_t>(0, pixels, kBlock), [&](const auto& range) {
         std::array<float, kBlock> rate{};
         std::array<float, kBlock> variance{};
+        std::array<float, kBlock> f{};
+        std::array<float, kBlock> f_variance{};
         for (std::size_t begin = range.begin(); begin < range.end(); begin += kBlock) {
           const std::size_t n = std::min(kBlock, range.end() - begin);
           for (std::size_t l = 0; l < lanes; ++l) {
@@ -106,25 +142,14 @@ LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection,
                             std::span(rate).first(n), std::span(variance).first(n));
             const auto f_w = static_cast<float>(lane.f_reference_per_sr);
             const auto f_b = static_cast<float>(lane.f_black_per_sr);
+            refer({rate.data(), variance.data(), lane.references->reference.rate.data() + begin,
+                   lane.references->reference.variance.data() + begin,
+                   lane.references->black.rate.data() + begin, lane.references->black.variance.data() + begin,
+                   n},
+                  f_w, f_b, f.data(), f_variance.data());
             for (std::size_t i = 0; i < n; ++i) {
-              const std::size_t p = begin + i;
-              const float w = lane.references->reference.rate[p];
-              const float b = lane.references->black.rate[p];
-              const float span = w - b;
-              const std::size_t at = p * lanes + l;
-              if (!(span > 0) || std::isinf(variance[i]) ||
-                  std::isinf(lane.references->reference.variance[p]) ||
-                  std::isinf(lane.references->black.variance[p])) {
-                out.f_per_sr[at] = 0;
-                out.variance[at] = std::numeric_limits<float>::infinity();
-                continue;
-              }
-              const float scale = (f_w - f_b) / span;
-              const float x = (rate[i] - b) / span;
-              out.f_per_sr[at] = f_b + (f_w - f_b) * x;
-              out.variance[at] = scale * scale *
-                                 (variance[i] + (1 - x) * (1 - x) * lane.references->black.variance[p] +
-                                  x * x * lane.references->reference.variance[p]);
+              out.f_per_sr[(begin + i) * lanes + l] = f[i];
+              out.variance[(begin + i) * lanes + l] = f_variance[i];
             }
           }
         }

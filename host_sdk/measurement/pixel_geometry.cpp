@@ -90,17 +90,22 @@ PixelGeometry pixel_geometry(const protocol::Descriptor& d, const std::vector<st
          std::cos(static_cast<double>(spot.radius_rad))});
   }
 
+  const double cos_turn = std::cos(static_cast<double>(d.optics.rotation_rad));
+  const double sin_turn = std::sin(static_cast<double>(d.optics.rotation_rad));
   oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, g.height), [&](const auto& rows) {
     for (std::size_t j = rows.begin(); j != rows.end(); ++j) {
       for (std::size_t i = 0; i < g.width; ++i) {
         const double px = static_cast<double>(i) + 0.5 - static_cast<double>(d.optics.center_x_px);
         const double py = static_cast<double>(j) + 0.5 - static_cast<double>(d.optics.center_y_px);
-        const auto theta = theta_at_radius(d.optics, std::hypot(px, py));
+        const double r = std::hypot(px, py);
+        const auto theta = theta_at_radius(d.optics, r);
         if (!theta) {
           continue;
         }
-        const Direction w = reflectance::from_spherical(
-            *theta, std::atan2(py, px) - static_cast<double>(d.optics.rotation_rad));
+        // (px, py) / r is the image's azimuth; turned back by the rotation it is the direction's.
+        const double s = r > 0 ? std::sin(*theta) / r : 0.0;
+        const Direction w{s * (px * cos_turn + py * sin_turn), s * (py * cos_turn - px * sin_turn),
+                          std::cos(*theta)};
         const std::size_t p = j * g.width + i;
         g.x[p] = static_cast<float>(w.x);
         g.y[p] = static_cast<float>(w.y);

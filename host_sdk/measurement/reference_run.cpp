@@ -175,7 +175,10 @@ Status ReferenceRun::take_reference(Target target, const std::function<void(doub
       }
       images.reference_exposures.clear();
       for (const Exposure& exposure : exposures) {
-        images.reference_exposures.push_back(static_cast<float>(exposure.exposure_s * exposure.monitor_v));
+        const auto level = static_cast<float>(exposure.exposure_s * exposure.monitor_v);
+        if (images.reference_exposures.empty() || level > 1.05F * images.reference_exposures.back()) {
+          images.reference_exposures.push_back(level);
+        }
       }
       const auto saturated = static_cast<std::size_t>(
           std::ranges::count_if(image.variance, [](float v) { return std::isinf(v); }));

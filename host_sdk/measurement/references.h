@@ -36,7 +36,7 @@ struct ReferenceImages {
   std::uint8_t illumination = 0;
   RateImage reference;  ///< White tile, or translucent standard for the transmission module.
   RateImage black;
-  /// Exposures that `reference` was taken with, ascending, times the monitor [s V]: rate times the
+  /// Distinct exposures that `reference` was taken with, ascending, times the monitor [s V]: rate times the
   /// longest that fits the well is the level the sensor worked at.
   std::vector<float> reference_exposures;
 };

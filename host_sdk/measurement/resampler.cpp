@@ -55,53 +55,76 @@ Resampler::Resampler(const PixelGeometry& pixels, const protocol::Descriptor& de
                      const SampleFrame& frame, const Options& options)
     : options_(options), pixels_(&pixels), descriptor_(descriptor), frame_(frame) {}
 
+void Resampler::Rows::append(const FitWeights& weights) {
+  pixel.insert(pixel.end(), weights.pixel.begin(), weights.pixel.end());
+  weight.insert(weight.end(), weights.weight.begin(), weights.weight.end());
+  append_empty();
+}
+
+Resampler::Footprint Resampler::footprint(const Direction& w) const {
+  const protocol::Optics& optics = descriptor_.optics;
+  const LocalFit fit(*pixels_, optics);
+  const double theta = reflectance::theta_of(w);
+  if (theta > static_cast<double>(optics.image_theta_max_rad)) {
+    return {};
+  }
+  double reach = 0;
+  for (const protocol::BlindSpot& spot : descriptor_.blind_spots) {
+    const Direction axis =
+        reflectance::from_spherical(static_cast<double>(spot.theta_rad), static_cast<double>(spot.phi_rad));
+    const double distance = reflectance::angle_between(axis, w);
+    if (distance < static_cast<double>(spot.radius_rad)) {
+      reach = std::max(reach, static_cast<double>(spot.radius_rad) + distance);
+    }
+  }
+  if (reach > 0) {
+    return {NodeKind::kBlind, radius_for(fit, w, reach + kFillMargin), 0};
+  }
+  const bool inside = theta <= static_cast<double>(optics.theta_max_rad) + 1e-5;
+  return {inside ? NodeKind::kSeen : NodeKind::kOutside, radius_for(fit, w, options_.radius_rad),
+          blur_variance(options_.source_radius_rad, fit.pixels_per_radian(w))};
+}
+
 Resampler Resampler::build(const PixelGeometry& pixels, const protocol::Descriptor& descriptor,
                            const SampleFrame& frame, const Options& options) {
   Resampler r(pixels, descriptor, frame, options);
   const GridShape& grid = options.grid;
   r.rings_.resize(grid.theta_count);
   r.kinds_.assign(grid.nodes(), NodeKind::kEmpty);
-  const protocol::Optics& optics = r.descriptor_.optics;
 
   oneapi::tbb::parallel_for(
       oneapi::tbb::blocked_range<std::size_t>(0, grid.theta_count, 1), [&](const auto& range) {
-        const LocalFit fit(pixels, optics);
-        FitWeights weights;
+        const LocalFit fit(pixels, r.descriptor_.optics);
+        FitWeights best;
+        FitWeights flat;
         for (std::size_t j = range.begin(); j != range.end(); ++j) {
           Ring& ring = r.rings_[j];
-          ring.first.push_back(0);
+          ring.best.append_empty();
+          ring.flat.append_empty();
           // All azimuths of the pole are one direction: solved once.
           const std::size_t solved = j == 0 ? 1 : grid.phi_count;
           for (std::size_t i = 0; i < solved; ++i) {
-            const std::size_t node = j * grid.phi_count + i;
-            const Direction w = frame.to_instrument(grid.direction(node));
-            NodeKind kind = NodeKind::kSeen;
-            for (const protocol::BlindSpot& spot : descriptor.blind_spots) {
-              const Direction axis = reflectance::from_spherical(static_cast<double>(spot.theta_rad),
-                                                                 static_cast<double>(spot.phi_rad));
-              if (reflectance::angle_between(axis, w) < static_cast<double>(spot.radius_rad)) {
-                kind = NodeKind::kBlind;
-              }
+            const Direction w = frame.to_instrument(grid.direction(j * grid.phi_count + i));
+            Footprint place = r.footprint(w);
+            const bool blind = place.kind == NodeKind::kBlind;
+            bool good = place.radius_rad > 0 &&
+                        fit.solve({w, place.radius_rad, place.blur_variance_rad2, 2}, {}, 1, 0, best) &&
+                        best.noise_gain() < kLargestNoiseGain;
+            if (good && blind) {
+              good = fit.solve({w, place.radius_rad, 0, 1}, {}, 1, 0, flat);
             }
-            const double theta = reflectance::theta_of(w);
-            if (theta > static_cast<double>(optics.image_theta_max_rad)) {
-              kind = NodeKind::kEmpty;
-            } else if (kind == NodeKind::kSeen && theta > static_cast<double>(optics.theta_max_rad) + 1e-5) {
-              kind = NodeKind::kOutside;
+            if (good) {
+              ring.best.append(best);
+            } else {
+              ring.best.append_empty();
+              place.kind = NodeKind::kEmpty;
             }
-            if (kind == NodeKind::kSeen || kind == NodeKind::kOutside) {
-              const double radius = radius_for(fit, w, options.radius_rad);
-              const double blur = blur_variance(options.source_radius_rad, fit.pixels_per_radian(w));
-              if (fit.solve({w, radius, blur, 2}, {}, 1, 0, weights) &&
-                  weights.noise_gain() < kLargestNoiseGain) {
-                ring.pixel.insert(ring.pixel.end(), weights.pixel.begin(), weights.pixel.end());
-                ring.weight.insert(ring.weight.end(), weights.weight.begin(), weights.weight.end());
-              } else {
-                kind = NodeKind::kEmpty;
-              }
+            if (good && blind) {
+              ring.flat.append(flat);
+            } else {
+              ring.flat.append_empty();
             }
-            r.kinds_[node] = kind;
-            ring.first.push_back(static_cast<std::uint32_t>(ring.pixel.size()));
+            r.kinds_[j * grid.phi_count + i] = place.kind;
           }
           if (j == 0) {
             std::fill_n(r.kinds_.begin(), grid.phi_count, r.kinds_[0]);
@@ -109,6 +132,32 @@ Resampler Resampler::build(const PixelGeometry& pixels, const protocol::Descript
         }
       });
   return r;
+}
+
+void Resampler::solve_again(const Direction& w, std::span<const float> value, std::span<const float> variance,
+                            std::size_t lanes, std::size_t lane, float& mean, float& var) const {
+  mean = 0;
+  var = kNoValue;
+  // A node whose own pixel is lost has no value; one near lost pixels is fitted without them.
+  const SensorPoint at = project(descriptor_.optics, w);
+  const auto centre = static_cast<std::size_t>(at.y) * pixels_->width + static_cast<std::size_t>(at.x);
+  if (centre >= pixels_->usable.size() ||
+      (pixels_->usable[centre] != 0 && std::isinf(variance[centre * lanes + lane]))) {
+    return;
+  }
+  const Footprint place = footprint(w);
+  const LocalFit fit(*pixels_, descriptor_.optics);
+  FitWeights weights;
+  if (!fit.solve({w, place.radius_rad, place.blur_variance_rad2, 2}, variance, lanes, lane, weights) ||
+      weights.noise_gain() >= kLargestNoiseGain) {
+    return;
+  }
+  var = 0;
+  for (std::size_t k = 0; k < weights.pixel.size(); ++k) {
+    const std::size_t p = std::size_t{weights.pixel[k]} * lanes + lane;
+    mean += weights.weight[k] * value[p];
+    var += weights.weight[k] * weights.weight[k] * variance[p];
+  }
 }
 
 NodeValues Resampler::apply(std::span<const float> value, std::span<const float> variance,
@@ -124,92 +173,50 @@ NodeValues Resampler::apply(std::span<const float> value, std::span<const float>
 
   oneapi::tbb::parallel_for(
       oneapi::tbb::blocked_range<std::size_t>(0, grid.theta_count, 1), [&](const auto& range) {
-        const LocalFit fit(*pixels_, descriptor_.optics);
-        FitWeights quadratic;
-        FitWeights linear;
-        const auto evaluate = [&](const FitWeights& w, std::size_t lane, float& mean, float& var) {
-          mean = 0;
-          var = 0;
-          for (std::size_t k = 0; k < w.pixel.size(); ++k) {
-            const std::size_t at = std::size_t{w.pixel[k]} * lanes + lane;
-            mean += w.weight[k] * value[at];
-            var += w.weight[k] * w.weight[k] * variance[at];
-          }
-        };
+        std::vector<float> flat(lanes);
+        std::vector<float> unused(lanes);
         for (std::size_t j = range.begin(); j != range.end(); ++j) {
           const Ring& ring = rings_[j];
           const std::size_t solved = j == 0 ? 1 : grid.phi_count;
           for (std::size_t i = 0; i < solved; ++i) {
             const std::size_t node = j * grid.phi_count + i;
-            float* mean = out.value.data() + node * lanes;
-            float* var = out.variance.data() + node * lanes;
-            const Direction w = frame_.to_instrument(grid.direction(node));
-            if (kinds_[node] == NodeKind::kBlind) {
-              double reach = 0;
-              for (const protocol::BlindSpot& spot : descriptor_.blind_spots) {
-                const Direction axis = reflectance::from_spherical(static_cast<double>(spot.theta_rad),
-                                                                   static_cast<double>(spot.phi_rad));
-                const double distance = reflectance::angle_between(axis, w);
-                if (distance < static_cast<double>(spot.radius_rad)) {
-                  reach = std::max(reach, static_cast<double>(spot.radius_rad) + distance);
-                }
-              }
-              for (std::size_t l = 0; l < lanes; ++l) {
-                const double radius = radius_for(fit, w, reach + kFillMargin);
-                if (fit.solve({w, radius, 0, 2}, variance, lanes, l, quadratic) &&
-                    fit.solve({w, radius, 0, 1}, variance, lanes, l, linear)) {
-                  evaluate(quadratic, l, mean[l], var[l]);
-                  float flat = 0;
-                  float unused = 0;
-                  evaluate(linear, l, flat, unused);
-                  out.fill_spread[node * lanes + l] = std::abs(flat - mean[l]);
-                  out.pixels[node] = static_cast<float>(1.0 / quadratic.noise_gain());
-                }
-              }
-              continue;
-            }
-            const std::uint32_t first = ring.first[i];
-            const std::size_t count = ring.first[i + 1] - first;
+            const std::uint32_t first = ring.best.first[i];
+            const std::size_t count = ring.best.first[i + 1] - first;
             if (count == 0) {
               continue;
             }
+            float* mean = out.value.data() + node * lanes;
+            float* var = out.variance.data() + node * lanes;
             std::fill_n(var, lanes, 0.0F);
-            accumulate(ring.pixel.data() + first, ring.weight.data() + first, count, value.data(),
+            accumulate(ring.best.pixel.data() + first, ring.best.weight.data() + first, count, value.data(),
                        variance.data(), lanes, mean, var);
             float gain = 0;
             for (std::size_t k = 0; k < count; ++k) {
-              gain += ring.weight[first + k] * ring.weight[first + k];
+              gain += ring.best.weight[first + k] * ring.best.weight[first + k];
             }
             out.pixels[node] = 1.0F / gain;
             for (std::size_t l = 0; l < lanes; ++l) {
-              if (std::isfinite(var[l])) {
-                continue;
+              if (!std::isfinite(var[l])) {
+                solve_again(frame_.to_instrument(grid.direction(node)), value, variance, lanes, l, mean[l],
+                            var[l]);
               }
-              // A saturated pixel in this lane: solve without it, unless the centre itself is lost.
-              const double radius = radius_for(fit, w, options_.radius_rad);
-              const double blur = blur_variance(options_.source_radius_rad, fit.pixels_per_radian(w));
-              const SensorPoint at = project(descriptor_.optics, w);
-              const auto centre =
-                  static_cast<std::size_t>(at.y) * pixels_->width + static_cast<std::size_t>(at.x);
-              const bool centre_lost =
-                  pixels_->usable[centre] != 0 && std::isinf(variance[centre * lanes + l]);
-              if (!centre_lost && fit.solve({w, radius, blur, 2}, variance, lanes, l, quadratic) &&
-                  quadratic.noise_gain() < kLargestNoiseGain) {
-                evaluate(quadratic, l, mean[l], var[l]);
-              } else {
-                mean[l] = 0;
-                var[l] = kNoValue;
+            }
+            const std::uint32_t flat_first = ring.flat.first[i];
+            const std::size_t flat_count = ring.flat.first[i + 1] - flat_first;
+            if (flat_count > 0) {
+              std::ranges::fill(flat, 0.0F);
+              accumulate(ring.flat.pixel.data() + flat_first, ring.flat.weight.data() + flat_first,
+                         flat_count, value.data(), variance.data(), lanes, flat.data(), unused.data());
+              for (std::size_t l = 0; l < lanes; ++l) {
+                out.fill_spread[node * lanes + l] = std::abs(flat[l] - mean[l]);
               }
             }
           }
           if (j == 0) {
             for (std::size_t i = 1; i < grid.phi_count; ++i) {
-              std::copy_n(out.value.begin(), lanes,
-                          out.value.begin() + static_cast<std::ptrdiff_t>(i * lanes));
-              std::copy_n(out.variance.begin(), lanes,
-                          out.variance.begin() + static_cast<std::ptrdiff_t>(i * lanes));
-              std::copy_n(out.fill_spread.begin(), lanes,
-                          out.fill_spread.begin() + static_cast<std::ptrdiff_t>(i * lanes));
+              for (std::vector<float>* plane : {&out.value, &out.variance, &out.fill_spread}) {
+                std::copy_n(plane->begin(), lanes, plane->begin() + static_cast<std::ptrdiff_t>(i * lanes));
+              }
               out.pixels[i] = out.pixels[0];
             }
           }

@@ -11,6 +11,8 @@
 
 namespace scatter::measurement {
 
+struct FitWeights;
+
 /// Regular grid about the normal of the sample's exit side.
 struct GridShape {
   std::size_t theta_count = 76;
@@ -72,11 +74,28 @@ class Resampler {
 
  private:
   /// Operator of one ring of nodes, compressed rows.
-  struct Ring {
+  struct Rows {
     std::vector<std::uint32_t> first;  ///< Per node, into pixel and weight; one more at the end.
     std::vector<std::uint32_t> pixel;
     std::vector<float> weight;
+    void append(const FitWeights& weights);
+    void append_empty() { first.push_back(static_cast<std::uint32_t>(pixel.size())); }
   };
+  struct Ring {
+    Rows best;  ///< Quadratic; across blind discs from the pixels around them.
+    Rows flat;  ///< Linear, for blind nodes only: the difference tells how far the fill can be trusted.
+  };
+
+  /// How a node is fitted; radius 0 = not at all.
+  struct Footprint {
+    NodeKind kind = NodeKind::kEmpty;
+    double radius_rad = 0;
+    double blur_variance_rad2 = 0;
+  };
+  [[nodiscard]] Footprint footprint(const reflectance::Direction& w) const;
+  void solve_again(const reflectance::Direction& w, std::span<const float> value,
+                   std::span<const float> variance, std::size_t lanes, std::size_t lane, float& mean,
+                   float& var) const;
 
   Resampler(const PixelGeometry& pixels, const protocol::Descriptor& descriptor, const SampleFrame& frame,
             const Options& options);

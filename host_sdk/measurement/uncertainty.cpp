@@ -94,7 +94,11 @@ std::vector<float> systematic_uncertainty(const NodeValues& nodes, const GridSha
   for (const Lane& lane : selection.lanes) {
     std::vector<float>& list = sample_exposures.emplace_back();
     for (const ScanFrame& f : lane.frames->frames) {
-      list.push_back(static_cast<float>(f.exposure.exposure_s * f.exposure.monitor_v));
+      const auto exposure = static_cast<float>(f.exposure.exposure_s * f.exposure.monitor_v);
+      // Repeats differ by the monitor's reading only; one of them stands for all.
+      if (list.empty() || exposure > 1.05F * list.back()) {
+        list.push_back(exposure);
+      }
     }
     const auto radius = static_cast<double>(d.illuminations[lane.illumination].angular_radius_rad);
     blur.push_back(radius * radius / 4);
