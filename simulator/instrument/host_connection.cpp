@@ -50,6 +50,7 @@ HostConnection::State HostConnection::pump(bool& moved) {
       // Everything is sent; a link that the instrument broke ends the connection only now.
       return instrument_.attached() ? State::kOpen : State::kGone;
     }
+    moved = true;
   }
   return socket_.open() ? State::kOpen : State::kGone;
 }

@@ -30,7 +30,8 @@ class HostConnection {
   [[nodiscard]] bool host_is_slow() const noexcept { return !pending_.empty(); }
 
   enum class State : std::uint8_t { kOpen, kGone };
-  /// Moves what can be moved now. `moved` becomes true when bytes reached the instrument.
+  /// Moves what can be moved now. `moved` becomes true when bytes reached or left the instrument: it
+  /// has something to do then.
   [[nodiscard]] State pump(bool& moved);
 
  private:

@@ -66,7 +66,7 @@ void Server::Parts::accept_all() {
   }
 }
 
-/// True when bytes reached the instrument.
+/// True when bytes reached or left the instrument.
 bool Server::Parts::pump_host() {
   bool moved = false;
   if (host && host->pump(moved) == HostConnection::State::kGone) {
@@ -143,6 +143,9 @@ Status Server::serve(const std::stop_token& stop) {
       }
       instrument.advance_to(wake);
       continue;
+    }
+    if (host_is_slow) {
+      pause = std::max<std::uint64_t>(pause, 1000);  // Time stands still: the next event never comes closer.
     }
     const auto start = std::chrono::steady_clock::now();
     if (Status waited = parts_->wait(stop_event.number(), pause); !waited) {
