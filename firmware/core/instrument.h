@@ -7,7 +7,7 @@
 //     if (!step.did_work) sleep_until(step.wake_at_us);  // or earlier, on link traffic
 //   }
 //
-// No heap, no exceptions, no time but Clock's. RAM: sizeof(Instrument), about 130 KiB. One thread.
+// No heap, no exceptions, no time but Clock's. RAM: sizeof(Instrument), about 112 KiB. One thread.
 #pragma once
 
 #include <array>

@@ -26,13 +26,14 @@ float vignetting(float radius) {
 struct SampleScene {
   float albedo = 0.5F;
   float peak = 0;
-  float colour_step = 1.F;  ///< Each further colour of a head is brighter by this factor.
+  float colour_step = 1.F;           ///< Each further colour of a head is brighter by this factor.
+  std::uint8_t first_with_lobe = 0;  ///< Illuminations before this one see no lobe.
 
   [[nodiscard]] float rate(std::uint8_t illumination, float x, float y) const {
     const float radius = std::hypot(x, y);
     const float head = static_cast<float>(illumination / 3U) * 0.2F;
     const float d2 = (x - head) * (x - head) + y * y;
-    const float lobe = peak * std::exp(-d2 / (2 * 0.05F * 0.05F));
+    const float lobe = (illumination < first_with_lobe ? 0.F : peak) * std::exp(-d2 / (2 * 0.05F * 0.05F));
     float colour = 1;
     for (int c = illumination % 3; c > 0; --c) {
       colour *= colour_step;
@@ -222,6 +223,16 @@ TEST_CASE("LED-off frames of later sweeps have the longest exposure used") {
   for (const Shot& shot : run.shots) {
     if (shot.illumination == Illuminator::kNone) {
       CHECK(shot.exposure_us == (shot.sweep == 0 ? 49'000U : longest));
+    }
+  }
+}
+
+TEST_CASE("A lobe that only the last illuminations show does not burst the budget") {
+  for (const std::uint8_t first : {std::uint8_t{6}, std::uint8_t{9}, std::uint8_t{11}}) {
+    for (const std::uint32_t budget : {1'000'000U, 3'000'000U, 5'000'000U}) {
+      const RunOutcome run =
+          simulate(auto_recipe(budget, 2, 0), {.albedo = 0.02F, .peak = 3'000.F, .first_with_lobe = first});
+      CHECK(run.duration_us <= budget);
     }
   }
 }

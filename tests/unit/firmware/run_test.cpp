@@ -124,8 +124,8 @@ TEST_CASE("A window is read from where it lies, costs its share of rows, and pac
       recipe.exposures_us.push_back(1'000);
       recipe.region_x = 5;
       recipe.region_y = 12;
-      recipe.region_width = 33;
-      recipe.region_height = 24;
+      recipe.region_width = 37;
+      recipe.region_height = 31;
       recipe.pixel_format = format;
       const RunFinished finished = host.measure(recipe);
       CHECK(finished.ended_us - finished.started_us == 1'000 + kReadoutUs);  // The fake reads at full cost.
@@ -134,12 +134,12 @@ TEST_CASE("A window is read from where it lies, costs its share of rows, and pac
       const std::uint32_t bits = format == PixelFormat::kMono16    ? 16
                                  : format == PixelFormat::kMono10p ? 10
                                                                    : 12;
-      CHECK(host.frames[0].bytes.size() == (33 * 24 * bits + 7) / 8);
+      CHECK(host.frames[0].bytes.size() == (37 * 31 * bits + 7) / 8);
       const auto pixels = unpack(host.frames[0], bits);
-      REQUIRE(pixels.size() == 33 * 24);
-      for (std::uint32_t y = 0; y < 24; ++y) {
-        for (std::uint32_t x = 0; x < 33; ++x) {
-          REQUIRE(pixels[y * 33 + x] == 16 + (x + 5) * 13 + (y + 12));
+      REQUIRE(pixels.size() == 37 * 31);
+      for (std::uint32_t y = 0; y < 31; ++y) {
+        for (std::uint32_t x = 0; x < 37; ++x) {
+          REQUIRE(pixels[y * 37 + x] == 16 + (x + 5) * 13 + (y + 12));
         }
       }
     }
@@ -249,6 +249,7 @@ TEST_CASE("Live preview drops whole frames without credit and counts them") {
 
 TEST_CASE("Stop ends after the frame in hand, whose end comes before the report") {
   FakeBoard board;
+  board.link.capacity = GENERATE(std::size_t{65'536}, std::size_t{50});  // Also where it leaves byte by byte.
   FakeHost host(board);
   host.hello();
   host.start(host.configure(fixed_recipe()));
@@ -272,7 +273,7 @@ TEST_CASE("Abort at any poll of a run leaves an accounted ledger, a dark instrum
   std::size_t aborted = 0;
   for (int polls = 0; !ended; polls += 1) {
     FakeBoard board;
-    board.link.most_per_write = 700;  // Frames leave in pieces, so aborts fall inside them too.
+    board.link.capacity = 700;  // Frames leave in pieces, so aborts fall inside them too.
     FakeHost host(board);
     host.hello();
     Recipe recipe = fixed_recipe();
@@ -292,6 +293,7 @@ TEST_CASE("Abort at any poll of a run leaves an accounted ledger, a dark instrum
     REQUIRE(report.ledger.exposed ==
             report.ledger.lost_sensor + report.ledger.lost_firmware + report.frames_sent);
     REQUIRE(whole_frames(host) == report.frames_sent);
+    REQUIRE(host.received.back().header.id() == MessageId::kRunReport);  // No pixel comes after it.
     REQUIRE(board.optics.lit == Illuminator::kNone);
     REQUIRE(!board.optics.busy);
     REQUIRE(host.ask(GetStatus{}).as<DeviceStatus>().run_state == 0);
@@ -326,6 +328,25 @@ TEST_CASE("Control replies overtake stream data at frame boundaries") {
   CHECK(bytes_before <= 20'000 + 1'024 + kFrameOverhead);
   REQUIRE(host.run(10'000'000, [&] { return !host.all<RunFinished>().empty(); }));
   CHECK(whole_frames(host) == 10);
+}
+
+TEST_CASE("A control frame goes before a stream frame that was submitted earlier but not begun") {
+  FakeLink link;
+  link.capacity = 0;
+  LinkOutput output(link);
+  const std::span<std::byte> slot = output.stream_slot();
+  output.submit_stream(write_message(slot, output.stream_header(), FrameEnd{}));
+  CHECK(!output.pump());
+  REQUIRE(!output.send(Channel::kControl, StatusReply{}, 0, 1).empty());
+  link.capacity = 1'000;
+  CHECK(output.pump());
+  CHECK(output.idle());
+  const ParseResult first = parse_frame(link.to_host);
+  REQUIRE(first.frame);
+  CHECK(first.frame->id() == MessageId::kStatusReply);
+  const ParseResult second = parse_frame(std::span<const std::byte>(link.to_host).subspan(first.consumed));
+  REQUIRE(second.frame);
+  CHECK(second.frame->id() == MessageId::kFrameEnd);
 }
 
 TEST_CASE("A link that takes nothing for a minute loses no frame of a recipe") {

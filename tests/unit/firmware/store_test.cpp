@@ -92,6 +92,22 @@ TEST_CASE("A full half moves its live records to the other one; the last two of 
   CHECK(flash.violations == 0);
 }
 
+TEST_CASE("After each of many commits a restart finds the same manifests: moving halves forgets nothing") {
+  FakeFlash flash;
+  Store store(flash);
+  REQUIRE(store.state.set({.key = "name", .value = "kept"}) == StatusCode::kOk);
+  REQUIRE(store.state.commit(manifest(Target::kDarkCap, 200)) == StatusCode::kOk);
+  for (std::uint8_t i = 1; i <= 150; ++i) {
+    REQUIRE(store.state.commit(manifest(Target::kWhiteReference, i)) == StatusCode::kOk);
+    FakeFlash copy = flash;
+    Store later(copy);
+    REQUIRE(later.state.calibrations().list().manifests == store.state.calibrations().list().manifests);
+    REQUIRE(later.state.calibrations().current_id(Target::kDarkCap)[0] == 200);
+    REQUIRE(later.state.settings().get("name")->value.str() == "kept");
+    REQUIRE(later.state.boot_count() == 2);
+  }
+}
+
 TEST_CASE("A torn last record at any byte leaves every earlier one, is reported, and can be written past") {
   FakeFlash before;
   {
