@@ -19,14 +19,17 @@ int complain(const scatter::Error& error) {
 int main() {
   scatter::device::TransportRegistry registry;    // tcp:, unix: and replay: are built in,
   scatter::tools::register_sim_scheme(registry);  // sim: comes with the simulator.
-  auto device = scatter::device::Device::open("sim:?sample=ggx:alpha=0.2,f0=0.04,albedo=0.3&seed=1",
-                                              {.registry = &registry});
+  scatter::device::OpenOptions open;
+  open.registry = &registry;
+  auto device = scatter::device::Device::open("sim:?sample=ggx:alpha=0.2,f0=0.04,albedo=0.3&seed=1", open);
   if (!device) {
     return complain(device.error());
   }
 
   // Calibrates first, because a fresh instrument has no calibration.
-  const auto result = scatter::measurement::measure(*device, {.recording = "first_measurement.scat"});
+  scatter::measurement::MeasureOptions options;
+  options.recording = "first_measurement.scat";
+  const auto result = scatter::measurement::measure(*device, options);
   if (!result) {
     return complain(result.error());
   }
