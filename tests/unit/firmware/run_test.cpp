@@ -301,6 +301,35 @@ TEST_CASE("Abort at any poll of a run leaves an accounted ledger, a dark instrum
   CHECK(aborted > 20);
 }
 
+TEST_CASE(
+    "Wherever the link jams, the report of Stop and of Abort is the last word and names the frames that "
+    "came") {
+  const bool abort = GENERATE(false, true);
+  for (std::size_t room = 0; room < 500; ++room) {  // Three frames of a small window.
+    FakeBoard board;
+    FakeHost host(board);
+    host.hello();
+    Recipe recipe = fixed_recipe();
+    recipe.region_width = 8;
+    recipe.region_height = 4;
+    host.start(host.configure(recipe));
+    // Stop waits for the frame in hand, so it must be known before that frame jams.
+    std::uint16_t request = abort ? std::uint16_t{0} : host.send(Stop{});
+    host.settle();
+    host.reading = false;
+    board.link.capacity = room;
+    host.run_for(200'000);
+    request = abort ? host.send(Abort{}) : request;
+    host.run_for(100'000);
+    board.link.capacity = 100'000;
+    host.reading = true;
+    REQUIRE(host.run(1'000'000, [&] { return host.final_reply(request).has_value(); }));
+    host.run_for(100'000);
+    REQUIRE(host.received.back().header.id() == MessageId::kRunReport);
+    REQUIRE(whole_frames(host) == host.final_reply(request)->as<RunReport>().frames_sent);
+  }
+}
+
 TEST_CASE("Control replies overtake stream data at frame boundaries") {
   FakeBoard board;
   board.link.capacity = 20'000;  // Stalls in the middle of the run.
