@@ -84,8 +84,8 @@ bool LocalFit::solve(const FitRequest& request, std::span<const float> variance,
                                static_cast<float>(plane.v.y),        static_cast<float>(plane.v.z),
                                static_cast<float>(request.centre.x), static_cast<float>(request.centre.y),
                                static_cast<float>(request.centre.z)};
-  for (int j = j0; j < j1; ++j) {
-    for (int i = i0; i < i1; ++i) {
+  for (int j = j0; j < j1; j += request.stride) {
+    for (int i = i0; i < i1; i += request.stride) {
       const auto p = static_cast<std::uint32_t>(j * pixels_->width + i);
       if (pixels_->usable[p] == 0) {
         continue;

@@ -16,7 +16,8 @@ struct FitRequest {
   reflectance::Direction centre;  ///< Instrument frame.
   double radius_rad = 0;
   double blur_variance_rad2 = 0;
-  int order = 2;  ///< 2 quadratic, 1 linear.
+  int order = 2;   ///< 2 quadratic, 1 linear.
+  int stride = 1;  ///< Uses every stride-th pixel of every stride-th row: wide fits need no more.
 };
 
 /// Pixels and weights h with value = sum h_p f_p.

@@ -12,6 +12,7 @@
 #include "host_sdk/measurement/exposure_merge.h"
 #include "host_sdk/measurement/recipe_run.h"
 #include "host_sdk/measurement/recorded_scan.h"
+#include "host_sdk/reflectance/direction.h"
 
 namespace scatter::measurement {
 namespace {

@@ -78,11 +78,11 @@ Resampler::Footprint Resampler::footprint(const Direction& w) const {
     }
   }
   if (reach > 0) {
-    return {NodeKind::kBlind, radius_for(fit, w, reach + kFillMargin), 0};
+    return {NodeKind::kBlind, radius_for(fit, w, reach + kFillMargin), 0, 2};
   }
   const bool inside = theta <= static_cast<double>(optics.theta_max_rad) + 1e-5;
   return {inside ? NodeKind::kSeen : NodeKind::kOutside, radius_for(fit, w, options_.radius_rad),
-          blur_variance(options_.source_radius_rad, fit.pixels_per_radian(w))};
+          blur_variance(options_.source_radius_rad, fit.pixels_per_radian(w)), 1};
 }
 
 Resampler Resampler::build(const PixelGeometry& pixels, const protocol::Descriptor& descriptor,
@@ -107,11 +107,12 @@ Resampler Resampler::build(const PixelGeometry& pixels, const protocol::Descript
             const Direction w = frame.to_instrument(grid.direction(j * grid.phi_count + i));
             Footprint place = r.footprint(w);
             const bool blind = place.kind == NodeKind::kBlind;
-            bool good = place.radius_rad > 0 &&
-                        fit.solve({w, place.radius_rad, place.blur_variance_rad2, 2}, {}, 1, 0, best) &&
-                        best.noise_gain() < kLargestNoiseGain;
+            bool good =
+                place.radius_rad > 0 &&
+                fit.solve({w, place.radius_rad, place.blur_variance_rad2, 2, place.stride}, {}, 1, 0, best) &&
+                best.noise_gain() < kLargestNoiseGain;
             if (good && blind) {
-              good = fit.solve({w, place.radius_rad, 0, 1}, {}, 1, 0, flat);
+              good = fit.solve({w, place.radius_rad, 0, 1, place.stride}, {}, 1, 0, flat);
             }
             if (good) {
               ring.best.append(best);
@@ -148,7 +149,8 @@ void Resampler::solve_again(const Direction& w, std::span<const float> value, st
   const Footprint place = footprint(w);
   const LocalFit fit(*pixels_, descriptor_.optics);
   FitWeights weights;
-  if (!fit.solve({w, place.radius_rad, place.blur_variance_rad2, 2}, variance, lanes, lane, weights) ||
+  if (!fit.solve({w, place.radius_rad, place.blur_variance_rad2, 2, place.stride}, variance, lanes, lane,
+                 weights) ||
       weights.noise_gain() >= kLargestNoiseGain) {
     return;
   }

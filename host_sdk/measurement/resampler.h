@@ -91,6 +91,7 @@ class Resampler {
     NodeKind kind = NodeKind::kEmpty;
     double radius_rad = 0;
     double blur_variance_rad2 = 0;
+    int stride = 1;
   };
   [[nodiscard]] Footprint footprint(const reflectance::Direction& w) const;
   void solve_again(const reflectance::Direction& w, std::span<const float> value,
