@@ -71,9 +71,13 @@ Result<std::string> read_file(const fs::path& path) {
 }
 
 Status write_file(const fs::path& path, std::string_view bytes) {
-  fs::path partial = path;
-  partial += ".partial";
   std::error_code error;
+  // A device or a pipe (/dev/stdout) is written to, never replaced.
+  const bool replace = !fs::exists(path, error) || fs::is_regular_file(path, error);
+  fs::path partial = path;
+  if (replace) {
+    partial += ".partial";
+  }
   if (fs::is_directory(path, error)) {
     return cannot(ErrorCode::kInvalidArgument, path, "is a folder, expected a file", "name a file inside it");
   }
@@ -86,8 +90,13 @@ Status write_file(const fs::path& path, std::string_view bytes) {
   out.close();
   if (!out) {
     auto failed = stream_error(path, "write it");
-    fs::remove(partial, error);
+    if (replace) {
+      fs::remove(partial, error);
+    }
     return failed;
+  }
+  if (!replace) {
+    return {};
   }
   fs::rename(partial, path, error);
   if (error) {
