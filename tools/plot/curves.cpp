@@ -184,7 +184,7 @@ class Panel {
       }
       cairo_set_dash(c, nullptr, 0, 0);
     }
-    canvas_.text(box_.x, box_.y - 7, fmt::format("θᵢ = {:.4g}°", theta_deg),
+    canvas_.text(box_.x, box_.y - 7, "θᵢ = " + angle_text(light.theta_i),
                  {.size = 12, .bold = true, .colour = colours_.text});
   }
 

@@ -12,7 +12,6 @@
 namespace scatter::plot {
 namespace {
 
-using reflectance::degrees;
 using reflectance::GridBrdf;
 using reflectance::GridPart;
 using reflectance::kPi;
@@ -313,9 +312,8 @@ std::vector<std::size_t> rows_to_show(std::size_t count, std::size_t limit) {
 }
 
 std::string row_name(const GridPart& part, bool rotated) {
-  return rotated
-             ? fmt::format("θᵢ = {:.4g}°, turned {:.4g}°", degrees(part.theta_i), degrees(part.rotation_rad))
-             : fmt::format("θᵢ = {:.4g}°", degrees(part.theta_i));
+  const std::string name = "θᵢ = " + angle_text(part.theta_i);
+  return rotated ? name + ", turned " + angle_text(part.rotation_rad) : name;
 }
 
 }  // namespace

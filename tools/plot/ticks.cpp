@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace scatter::plot {
 namespace {
@@ -43,7 +44,7 @@ Axis choose_axis(double smallest, double largest, Scale scale) {
   }
   const bool can_log = largest > 0 && std::isfinite(std::log(largest));
   const bool log =
-      can_log && (scale == Scale::kLog || (scale == Scale::kAuto && smallest > 0 && largest > 20 * smallest));
+      can_log && (scale == Scale::kLog || (scale == Scale::kAuto && smallest > 0 && largest > 5 * smallest));
   if (log) {
     constexpr double kDecades = 6;
     double low = std::max(smallest, largest * std::pow(10.0, -kDecades));
@@ -84,6 +85,11 @@ std::vector<Tick> ticks(const Axis& axis, int wanted) {
     }
   }
   return marks;
+}
+
+std::string angle_text(double angle_rad) {
+  const double angle_deg = std::round(angle_rad * (180e3 / std::numbers::pi)) / 1e3;
+  return fmt::format("{:g}°", angle_deg == 0 ? 0 : angle_deg);  // no "-0"
 }
 
 std::string short_number(double value) {

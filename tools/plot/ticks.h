@@ -25,13 +25,16 @@ struct Tick {
 };
 
 /// Axis for values in [smallest, largest]: kAuto is logarithmic when both are positive and their ratio
-/// exceeds 20. A logarithmic axis spans at most 6 decades below the largest value; a linear one starts at
+/// exceeds 5. A logarithmic axis spans at most 6 decades below the largest value; a linear one starts at
 /// zero, or at a rounded negative number. Never empty, whatever the input.
 [[nodiscard]] Axis choose_axis(double smallest, double largest, Scale scale);
 
 /// About `wanted` labelled marks at 1, 2 or 5 times a power of ten (linear), or at the powers of ten
 /// with minor marks between (logarithmic; labels at 2 and 5 as well when there are few decades).
 [[nodiscard]] std::vector<Tick> ticks(const Axis& axis, int wanted);
+
+/// "20°" of an angle in radians, to a thousandth of a degree.
+[[nodiscard]] std::string angle_text(double angle_rad);
 
 /// Short text of a number: 0.02, 150, 3×10⁻⁵.
 [[nodiscard]] std::string short_number(double value);

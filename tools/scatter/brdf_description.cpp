@@ -9,6 +9,7 @@
 #include "host_sdk/reflectance/albedo.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "tools/plot/curves.h"
+#include "tools/plot/ticks.h"
 #include "tools/scatter/text_table.h"
 
 namespace scatter::cli {
@@ -33,7 +34,7 @@ double add_albedo(const Brdf& brdf, ordered_json& json, Rows& rows) {
   const auto note = [&](double theta_i, const std::vector<double>& values, const char* region) {
     largest = std::max(largest, *std::ranges::max_element(values));
     list.push_back({{"theta_i_deg", degrees(theta_i)}, {"region", region}, {"albedo", values}});
-    rows.push_back({fmt::format("albedo at {:.4g} deg", degrees(theta_i)),
+    rows.push_back({"albedo at " + plot::angle_text(theta_i),
                     fmt::format("{} over the {}", numbers(values, 4), region)});
   };
   if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "tools/plot/canvas.h"
+#include "tools/plot/ticks.h"
 #include "tools/scatter/version.h"
 
 namespace scatter::cli {
@@ -13,7 +14,6 @@ namespace {
 
 using measurement::Measurement;
 using measurement::Verdict;
-using reflectance::degrees;
 using reflectance::Origin;
 
 plot::Mark mark(Verdict verdict) {
@@ -124,7 +124,7 @@ plot::ReportContent measurement_report(const Measurement& measurement, const std
   }
   for (const auto& row : measurement.albedo) {
     auto& line = page.albedo.emplace_back();
-    line.incidence = fmt::format("{:.4g}°", degrees(row.theta_i_rad));
+    line.incidence = plot::angle_text(row.theta_i_rad);
     for (std::size_t c = 0; c < row.albedo.size(); ++c) {
       line.channels.push_back(
           {row.albedo[c], c < row.standard_uncertainty.size() ? row.standard_uncertainty[c] : 0});

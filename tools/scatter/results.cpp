@@ -11,6 +11,7 @@
 #include "tools/plot/curves.h"
 #include "tools/plot/hemispheres.h"
 #include "tools/plot/report.h"
+#include "tools/plot/ticks.h"
 #include "tools/scatter/files.h"
 #include "tools/scatter/measurement_json.h"
 #include "tools/scatter/measurement_report.h"
@@ -22,6 +23,10 @@ namespace {
 namespace fs = std::filesystem;
 using measurement::Measurement;
 using nlohmann::ordered_json;
+
+Status write(const fs::path& path, const Result<std::string>& bytes) {
+  return bytes ? write_file(path, *bytes) : Status(std::unexpected(bytes.error()));
+}
 
 }  // namespace
 
@@ -40,14 +45,8 @@ Result<std::vector<std::string>> write_results(const Measurement& measurement,
   const auto subtitle = report_subtitle(measurement);
   tbb::parallel_invoke(
       [&] { picture = plot::hemispheres(measurement.brdf, {.title = request.title, .subtitle = subtitle}); },
-      [&] {
-        exr_done = write_atomically(
-            exr, [&](const fs::path& place) { return formats::write_native_exr(measurement.brdf, place); });
-      },
-      [&] {
-        bsdf_done = write_atomically(
-            bsdf, [&](const fs::path& place) { return formats::write_minidiff(measurement.brdf, place); });
-      },
+      [&] { exr_done = write(exr, formats::encode_native_exr(measurement.brdf)); },
+      [&] { bsdf_done = write(bsdf, formats::encode_minidiff(measurement.brdf)); },
       [&] {
         const plot::NamedBrdf one[] = {{"measured", &measurement.brdf}};
         plot::CurveOptions options{.incidences = plot::incidences_of(measurement.brdf)};
@@ -103,8 +102,7 @@ std::string summary_text(const Measurement& measurement) {
                                                                   ? "transmittance over the measured region"
                                                                   : "albedo over the measured region"}};
   for (const auto& row : measurement.albedo) {
-    rows.push_back(
-        {fmt::format("{:.4g} deg", reflectance::degrees(row.theta_i_rad)), numbers(row.albedo, 4)});
+    rows.push_back({plot::angle_text(row.theta_i_rad), numbers(row.albedo, 4)});
   }
   text += text_table(rows);
   rows.clear();

@@ -6,6 +6,7 @@
 
 #include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/compare.h"
+#include "tools/plot/ticks.h"
 #include "tools/scatter/text_table.h"
 #include "tools/scatter/verb.h"
 
@@ -66,7 +67,7 @@ std::string to_text(const reflectance::Comparison& found) {
       {"relative error, 95th percentile", percent(found.p95_relative_error)},
       {"relative error, 99th percentile", percent(found.p99_relative_error)}};
   for (const auto& incidence : found.incidences) {
-    rows.push_back({fmt::format("albedo error at {:.4g} deg", degrees(incidence.theta_i)),
+    rows.push_back({"albedo error at " + plot::angle_text(incidence.theta_i),
                     fmt::format("{:.5f}", incidence.albedo_error)});
   }
   if (found.peak_angle_error_deg) {

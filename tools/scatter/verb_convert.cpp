@@ -26,31 +26,28 @@ struct Options {
   std::string format;
 };
 
-Status write_as_grid(const reflectance::Brdf& brdf, const fs::path& path,
-                     Status (*write)(const reflectance::GridBrdf& grid, const fs::path& path)) {
+using Bytes = Result<std::string>;
+
+Bytes as_grid(const reflectance::Brdf& brdf, Bytes (*encode)(const reflectance::GridBrdf& grid)) {
   const auto grid = grid_of(brdf, plot::incidences_of(brdf));
-  return grid ? write(**grid, path) : Status(std::unexpected(grid.error()));
+  return grid ? encode(**grid) : Bytes(std::unexpected(grid.error()));
 }
 
 /// A format that can be written.
 struct Writer {
   const char* name;
   const char* meaning;
-  Status (*write)(const reflectance::Brdf& brdf, const fs::path& path, bool model);
+  Bytes (*encode)(const reflectance::Brdf& brdf, bool model);
 };
 
 const Writer kWriters[] = {
     {"minidiff", "MiniDiff / LightTools text (.bsdf)",
-     [](const reflectance::Brdf& brdf, const fs::path& path, bool) {
-       return write_as_grid(brdf, path, formats::write_minidiff);
-     }},
+     [](const reflectance::Brdf& brdf, bool) { return as_grid(brdf, formats::encode_minidiff); }},
     {"exr", "native grid with uncertainty and origin (.exr)",
-     [](const reflectance::Brdf& brdf, const fs::path& path, bool) {
-       return write_as_grid(brdf, path, formats::write_native_exr);
-     }},
+     [](const reflectance::Brdf& brdf, bool) { return as_grid(brdf, formats::encode_native_exr); }},
     {"tiles", "one tile per incidence for shaders (.exr)",
-     [](const reflectance::Brdf& brdf, const fs::path& path, bool model) {
-       return formats::write_exr_tiles(brdf, path, {.method = model ? "model" : "measured"});
+     [](const reflectance::Brdf& brdf, bool model) {
+       return formats::encode_exr_tiles(brdf, {.method = model ? "model" : "measured"});
      }},
 };
 
@@ -95,8 +92,11 @@ Result<Answer> run(const Options& options) {
     return std::unexpected(brdf.error());
   }
   const bool model = reflectance::is_model_spec(options.input);
-  const auto written = write_atomically(
-      options.output, [&](const fs::path& place) { return (*writer)->write(**brdf, place, model); });
+  const auto bytes = (*writer)->encode(**brdf, model);
+  if (!bytes) {
+    return std::unexpected(bytes.error());
+  }
+  const auto written = write_file(options.output, *bytes);
   if (!written) {
     return std::unexpected(written.error());
   }

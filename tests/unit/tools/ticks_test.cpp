@@ -18,13 +18,13 @@ TEST_CASE("Linear marks stand at 1, 2 or 5 times a power of ten and hold the who
   CHECK((std::abs(mantissa - 1) < 1e-9 || std::abs(mantissa - 2) < 1e-9 || std::abs(mantissa - 5) < 1e-9));
 }
 
-TEST_CASE("An axis is logarithmic when its values span more than a factor of 20") {
-  CHECK(choose_axis(0.01, 0.19, Scale::kAuto).log == false);
-  const Axis axis = choose_axis(0.01, 0.21, Scale::kAuto);
+TEST_CASE("An axis is logarithmic when its values span more than a factor of 5") {
+  CHECK(choose_axis(0.01, 0.049, Scale::kAuto).log == false);
+  const Axis axis = choose_axis(0.01, 0.051, Scale::kAuto);
   CHECK(axis.log);
   CHECK(axis.place(0.01) == Approx(0).margin(1e-12));
-  CHECK(axis.place(0.21) == Approx(1));
-  CHECK(axis.place(std::sqrt(0.01 * 0.21)) == Approx(0.5));
+  CHECK(axis.place(0.051) == Approx(1));
+  CHECK(axis.place(std::sqrt(0.01 * 0.051)) == Approx(0.5));
   CHECK(axis.place(0) < -1);
 }
 
@@ -65,4 +65,11 @@ TEST_CASE("Numbers are written briefly") {
   CHECK(short_number(3e-5) == "3×10⁻⁵");
   CHECK(short_number(1e-6) == "10⁻⁶");
   CHECK(short_number(2e12) == "2×10¹²");
+}
+
+TEST_CASE("Angles are written to a thousandth of a degree") {
+  CHECK(angle_text(0.3490658503988659) == "20°");
+  CHECK(angle_text(8.7e-8) == "0°");
+  CHECK(angle_text(-8.7e-8) == "0°");
+  CHECK(angle_text(0.35) == "20.054°");
 }

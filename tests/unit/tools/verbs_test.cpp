@@ -113,24 +113,49 @@ TEST_CASE("measure has the promised keys and files, and repeats byte for byte") 
   }
 }
 
-TEST_CASE("Ctrl-C ends a measurement soon, with status 1 and a readable recording") {
-  const Scratch folder;
-  Command measuring({"measure", "sim:?clock=real&seed=2", "-o", folder / "out"});
-  const auto recording = folder / "out" / "recording.scat";
-  for (int k = 0; k < 3000 &&
-                  (!std::filesystem::exists(recording) || std::filesystem::file_size(recording) < 30'000'000);
-       ++k) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  REQUIRE(std::filesystem::exists(recording));
-  measuring.signal(SIGINT);
+namespace {
+
+/// Interrupts and checks that the program ends soon, in order, with one error.
+void check_interrupted(Command& command) {
+  command.signal(SIGINT);
   const auto start = std::chrono::steady_clock::now();
-  const auto run = measuring.wait(std::chrono::seconds(10));
+  const auto run = command.wait(std::chrono::seconds(10));
   CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
   INFO(run.err);
   CHECK(run.status == 1);
   CHECK(run.err.find("remedy: ") != std::string::npos);
-  CHECK(answer({"inspect", recording, "--json"})["kind"] == "recording");
+}
+
+}  // namespace
+
+TEST_CASE("Ctrl-C ends a measurement soon, with status 1 and a readable recording") {
+  const Scratch folder;
+  const std::string calibration = folder / "cal.scat";
+  REQUIRE(scatter({"calibrate", "sim:?seed=2", "-o", calibration}).status == 0);
+  // On the real clock, and long enough to be caught.
+  Command measuring({"measure", "sim:?clock=real&seed=2", "-o", folder / "out", "--calibration", calibration,
+                     "--repeats", "50", "--budget", "60"});
+  const auto recording = folder / "out" / "recording.scat";
+  const auto size = [&] {
+    return std::filesystem::exists(recording) ? std::filesystem::file_size(recording) : 0;
+  };
+  // The calibration's copy is 40 MB; wait for frames behind it.
+  for (int k = 0; k < 2000 && size() < 45'000'000; ++k) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  REQUIRE(size() >= 45'000'000);
+  check_interrupted(measuring);
+  const auto found = answer({"inspect", recording, "--json"});
+  REQUIRE(found["runs"].size() == 1);
+  CHECK(found["runs"][0]["ledger"]["delivered"].get<int>() > 0);
+}
+
+TEST_CASE("Ctrl-C ends a calibration soon") {
+  const Scratch folder;
+  Command calibrating({"calibrate", "sim:?clock=real", "-o", folder / "cal.scat"});
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  check_interrupted(calibrating);
+  CHECK_FALSE(std::filesystem::exists(folder / "cal.scat"));
 }
 
 TEST_CASE("A served instrument can be listed, asked and measured, and ends on SIGTERM") {
