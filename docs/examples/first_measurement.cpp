@@ -33,7 +33,10 @@ int main() {
   if (!result) {
     return complain(result.error());
   }
-  for (const scatter::measurement::QualityItem& item : result->measurement.quality) {
+  if (result->uncalibrated) {
+    return complain(*result->uncalibrated);
+  }
+  for (const scatter::measurement::QualityItem& item : result->quality) {
     if (item.verdict == scatter::measurement::Verdict::kFail) {
       std::printf("%s: %s\n", item.name.c_str(), item.advice.c_str());
     }
@@ -41,7 +44,7 @@ int main() {
 
   // Light from 40 degrees, seen from 20 degrees on the far side: f_r in 1/sr, no cosine.
   using namespace scatter::reflectance;
-  const GridBrdf& brdf = result->measurement.brdf;
+  const GridBrdf& brdf = result->measurement->brdf;
   const Direction light = from_spherical(radians(40), 0);
   const Direction eye = from_spherical(radians(20), kPi);
   std::array<double, 3> f_per_sr{};

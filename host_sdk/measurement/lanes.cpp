@@ -157,4 +157,30 @@ LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection,
   return out;
 }
 
+void spread_saturation(LaneImages& images, const PixelGeometry& geometry, std::size_t lanes) {
+  std::vector<std::size_t> lost;  // Indices into the interleaved image.
+  for (std::size_t p = 0; p < geometry.usable.size(); ++p) {
+    for (std::size_t l = 0; l < lanes; ++l) {
+      if (std::isinf(images.variance[p * lanes + l]) && geometry.usable[p] != 0) {
+        lost.push_back(p * lanes + l);
+      }
+    }
+  }
+  const std::ptrdiff_t width = geometry.width;
+  const std::ptrdiff_t height = geometry.height;
+  for (const std::size_t at : lost) {
+    const auto p = static_cast<std::ptrdiff_t>(at / lanes);
+    const std::size_t lane = at % lanes;
+    for (std::ptrdiff_t y = std::max<std::ptrdiff_t>(p / width - 1, 0);
+         y <= std::min(p / width + 1, height - 1); ++y) {
+      for (std::ptrdiff_t x = std::max<std::ptrdiff_t>(p % width - 1, 0);
+           x <= std::min(p % width + 1, width - 1); ++x) {
+        const std::size_t neighbour = static_cast<std::size_t>(y * width + x) * lanes + lane;
+        images.f_per_sr[neighbour] = 0;
+        images.variance[neighbour] = std::numeric_limits<float>::infinity();
+      }
+    }
+  }
+}
+
 }  // namespace scatter::measurement

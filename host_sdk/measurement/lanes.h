@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host_sdk/measurement/exposure_merge.h"
+#include "host_sdk/measurement/pixel_geometry.h"
 #include "host_sdk/measurement/recorded_scan.h"
 #include "host_sdk/measurement/references.h"
 #include "host_sdk/reflectance/direction.h"
@@ -47,5 +48,9 @@ struct LaneSelection {
 /// Cost  one pass over all frames, parallel over pixels.
 [[nodiscard]] LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection,
                                      const ReferenceSet& references, const AmbientImage& ambient);
+
+/// Drops the eight neighbours of every usable pixel without value: the edge of a saturated spot (a
+/// mirror image of the source, the direct beam through a film) falls partly into them.
+void spread_saturation(LaneImages& images, const PixelGeometry& geometry, std::size_t lanes);
 
 }  // namespace scatter::measurement

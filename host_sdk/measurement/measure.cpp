@@ -170,13 +170,25 @@ Result<MeasureResult> measure(device::Device& device, const MeasureOptions& opti
   if (!summary) {
     return std::unexpected(summary.error());
   }
+  MeasureResult result;
+  result.calibration = std::move(made);
+  result.ledger = summary->ledger;
+  result.instrument_seconds = 1e-6 * static_cast<double>(summary->ended_us - summary->started_us);
+  const auto finish = [&]() -> MeasureResult&& {
+    result.wall_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return std::move(result);
+  };
   if (!*references) {
-    return fail(ErrorCode::kFailedPrecondition,
-                fmt::format("calibration is missing: {}; the raw frames are in {}", why_not,
-                            options.recording.string()),
-                fmt::format("calibrate (`scatter calibrate URI -o CAL.scat`), then `scatter process {} "
-                            "--calibration CAL.scat`",
-                            options.recording.string()));
+    const std::string remedy = fmt::format(
+        "run `scatter calibrate URI -o CAL.scat` with the references at hand, then `scatter process {} "
+        "--calibration CAL.scat`",
+        options.recording.string());
+    result.uncalibrated = Error{ErrorCode::kFailedPrecondition,
+                                fmt::format("calibration is missing: {}; the raw frames are in {}", why_not,
+                                            options.recording.string()),
+                                remedy};
+    result.quality.push_back({"calibration_missing", 1, 0, Verdict::kFail, remedy});
+    return finish();
   }
   ProcessOptions process_options = options.process;
   process_options.references.reset();  // The recording carries its copy.
@@ -184,9 +196,9 @@ Result<MeasureResult> measure(device::Device& device, const MeasureOptions& opti
   if (!measurement) {
     return std::unexpected(measurement.error());
   }
-  MeasureResult result{std::move(made), std::move(*measurement), 0};
-  result.wall_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  return result;
+  result.quality = measurement->quality;
+  result.measurement = std::move(*measurement);
+  return finish();
 }
 
 }  // namespace scatter::measurement

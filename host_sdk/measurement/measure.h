@@ -24,8 +24,14 @@ struct MeasureOptions {
 
 struct MeasureResult {
   std::optional<Calibration> calibration;  ///< Set when this call calibrated.
-  Measurement measurement;
-  double wall_seconds = 0;  ///< Recording and processing, without calibration.
+  /// Empty when no calibration could be had: then `uncalibrated` says why and what to do, the raw
+  /// frames are recorded, and quality has the row "calibration_missing".
+  std::optional<Measurement> measurement;
+  std::optional<Error> uncalibrated;
+  std::vector<QualityItem> quality;  ///< The measurement's, or that one row.
+  protocol::Ledger ledger;
+  double instrument_seconds = 0;  ///< Device clock, start to end of the run.
+  double wall_seconds = 0;        ///< Recording and processing, without calibration.
 };
 
 /// The standard recipe for a descriptor.
@@ -37,8 +43,7 @@ struct MeasureResult {
 
 /// Calibrates when needed, records, processes. After any error the recording so far stays readable
 /// and the device is stopped.
-/// Errors   kFailedPrecondition without calibration (the recording is kept; the remedy says how to
-///          process it later); kAborted; device and file errors.
+/// Errors   kAborted; device and file errors. A missing calibration is a result, not an error.
 [[nodiscard]] Result<MeasureResult> measure(device::Device& device, const MeasureOptions& options);
 
 }  // namespace scatter::measurement

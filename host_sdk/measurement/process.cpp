@@ -230,6 +230,7 @@ Result<Measurement> process(const std::filesystem::path& recording, const Proces
                                  resampler = Resampler::build(geometry, scan.descriptor, frame, grid_options);
                                });
   const std::size_t lanes = selection.lanes.size();
+  spread_saturation(images, geometry, lanes);
   NodeValues nodes = resampler->apply(images.f_per_sr, images.variance, lanes);
 
   std::optional<TiltFit> tilt;

@@ -16,7 +16,7 @@ namespace scatter::simulator {
 /// What the device knows of calibrations when the host comes.
 enum class CalibrationHeld : std::uint8_t {
   kSession,  ///< Fresh: none yet, but its reference stage lets the host make one at any time.
-  kStale,    ///< Like kSession, with manifests of a calibration older than its life.
+  kStale,    ///< Like kSession, but every calibration is past its life when it is needed.
   kNone,     ///< None, and no way to make one: no stage, no references delivered.
 };
 

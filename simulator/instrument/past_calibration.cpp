@@ -99,6 +99,11 @@ CalibrationId past_id(Target kind) {
 
 }  // namespace
 
+std::uint64_t past_life_us(const Descriptor& descriptor) noexcept {
+  const std::uint64_t life_s = std::max(descriptor.reference_lifetime_s, descriptor.dark_lifetime_s);
+  return (life_s + 3600) * 1'000'000;
+}
+
 Status hold_past_calibration(VirtualInstrument& instrument) {
   const Descriptor& descriptor = instrument.board().descriptor();
   instrument.attach();
@@ -137,8 +142,7 @@ Status hold_past_calibration(VirtualInstrument& instrument) {
     return ended;
   }
   instrument.detach();
-  const std::uint64_t life_s = std::max(descriptor.reference_lifetime_s, descriptor.dark_lifetime_s);
-  instrument.board().clock().skip((life_s + 3600) * 1'000'000);
+  instrument.board().clock().skip(past_life_us(descriptor));
   return {};
 }
 

@@ -28,6 +28,7 @@ Result<std::unique_ptr<VirtualInstrument>> VirtualInstrument::make(const Instrum
     if (Status done = hold_past_calibration(*instrument); !done) {
       return std::unexpected(std::move(done.error()));
     }
+    instrument->ages_calibrations_ = true;
   }
   return instrument;
 }
@@ -60,7 +61,23 @@ std::size_t VirtualInstrument::host_write(std::span<const std::byte> bytes) {
   return board_->link().host_write(bytes);
 }
 std::size_t VirtualInstrument::host_read(std::span<std::byte> out) {
-  return board_->link().host_read(out);
+  const std::size_t count = board_->link().host_read(out);
+  age_calibration();
+  return count;
+}
+
+// calibration=stale: whenever a calibration session has ended and the host has read the answer, the
+// instrument stands unused until what was just calibrated is past its life.
+void VirtualInstrument::age_calibration() {
+  if (!ages_calibrations_ || board_->camera().moving()) {
+    return;
+  }
+  if (board_->camera().target() != protocol::Target::kSample) {
+    references_used_ = true;
+  } else if (references_used_ && board_->link().readable() == 0) {
+    references_used_ = false;
+    board_->clock().skip(past_life_us(board_->descriptor()));
+  }
 }
 std::size_t VirtualInstrument::readable() {
   return board_->link().readable();

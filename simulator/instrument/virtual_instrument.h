@@ -71,7 +71,10 @@ class VirtualInstrument {
  private:
   explicit VirtualInstrument(std::unique_ptr<VirtualBoard> board);
   void restart_if_wanted();
+  void age_calibration();
 
+  bool ages_calibrations_ = false;  ///< calibration=stale
+  bool references_used_ = false;
   std::unique_ptr<VirtualBoard> board_;
   std::unique_ptr<firmware::Ports> ports_;
   std::unique_ptr<firmware::Instrument> core_;

@@ -34,6 +34,26 @@ std::string title_of(const std::string& uri) {
   return uri.substr(start + 7, uri.find('&', start) - start - 7);
 }
 
+/// The frames are recorded, but nothing can be made of them yet.
+Result<Answer> uncalibrated(const measurement::MeasureResult& measured, const fs::path& recording,
+                            const Context& context) {
+  if (!context.json) {
+    return std::unexpected(*measured.uncalibrated);
+  }
+  Answer answer;
+  answer.json["ledger"] = to_json(measured.ledger);
+  answer.json["instrument_seconds"] = measured.instrument_seconds;
+  answer.json["wall_seconds"] = measured.wall_seconds;
+  answer.json["quality"] = to_json(measured.quality);
+  answer.json["verdict"] = measurement::name(measurement::overall(measured.quality));
+  answer.json["files"] = {recording.string()};
+  answer.json["error"] = {{"code", name(measured.uncalibrated->code)},
+                          {"what", measured.uncalibrated->what},
+                          {"remedy", measured.uncalibrated->remedy}};
+  answer.failed = true;
+  return answer;
+}
+
 Result<Answer> run(const Options& options, const Context& context) {
   Progress bar;
   auto how = measure_options(options.recording, context, bar);
@@ -56,6 +76,11 @@ Result<Answer> run(const Options& options, const Context& context) {
     bar.clear();
     return std::unexpected(measured.error());
   }
+  if (!measured->measurement) {
+    bar.clear();
+    return uncalibrated(*measured, how->recording, context);
+  }
+  const measurement::Measurement& result = *measured->measurement;
   bar.show(1, "writing results");
   const auto start = std::chrono::steady_clock::now();
   ResultsRequest request{.folder = folder,
@@ -64,7 +89,7 @@ Result<Answer> run(const Options& options, const Context& context) {
   if (options.correct_tilt) {
     request.notes.push_back("corrected for the estimated tilt");
   }
-  const auto files = write_results(measured->measurement, request);
+  const auto files = write_results(result, request);
   bar.clear();
   if (!files) {
     return std::unexpected(files.error());
@@ -73,13 +98,13 @@ Result<Answer> run(const Options& options, const Context& context) {
                               std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
   Answer answer;
-  answer.json = summary_json(measured->measurement);
+  answer.json = summary_json(result);
   answer.json["wall_seconds"] = wall_seconds;
   answer.json["calibration"] = {
       {"performed", measured->calibration.has_value()},
       {"instrument_seconds", measured->calibration ? measured->calibration->instrument_seconds : 0.0},
       {"wall_seconds", measured->calibration ? measured->calibration->wall_seconds : 0.0},
-      {"id", measured->measurement.calibration_id}};
+      {"id", result.calibration_id}};
   auto& list = answer.json["files"] = nlohmann::ordered_json::array({how->recording.string()});
   for (const auto& file : *files) {
     list.push_back(file);
@@ -90,13 +115,12 @@ Result<Answer> run(const Options& options, const Context& context) {
                     measured->calibration->instrument_seconds, measured->calibration->wall_seconds);
   }
   answer.text += fmt::format("measured in {:.2f} s on the instrument's clock ({:.1f} s here), {}\n",
-                             measured->measurement.instrument_seconds, wall_seconds,
-                             words(measured->measurement.ledger));
-  answer.text += summary_text(measured->measurement);
+                             result.instrument_seconds, wall_seconds, words(result.ledger));
+  answer.text += summary_text(result);
   for (const auto& file : list) {
     answer.text += file.get<std::string>() + "\n";
   }
-  answer.failed = !measured->measurement.ledger.balances();
+  answer.failed = !result.ledger.balances();
   return answer;
 }
 
