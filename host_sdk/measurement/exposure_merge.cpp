@@ -1,8 +1,5 @@
 #include "host_sdk/measurement/exposure_merge.h"
 
-#include <oneapi/tbb/blocked_range.h>
-#include <oneapi/tbb/parallel_for.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -42,7 +39,6 @@ struct Block {
   const std::uint16_t* dn;
   const float* offset_dn;
   const float* dark_rate;
-  const float* ambient_rate;
   std::size_t n;
 };
 
@@ -79,7 +75,6 @@ constexpr std::size_t kReach = 4;
   const std::uint16_t* dn = b.dn;
   const float* offset = b.offset_dn;
   const float* dark = b.dark_rate;
-  const float* ambient = b.ambient_rate;
   const float* longest = s.longest_s.data();
   float* pooled_e = s.pooled_e.data();
   float* pooled_t = s.pooled_t.data();
@@ -95,7 +90,7 @@ constexpr std::size_t kReach = 4;
     const float counts = static_cast<float>(static_cast<int>(dn[i]));
     const float q = (counts - offset[i]) * gain;
     const float u = c * q;
-    const float background = (dark[i] * growth + ambient[i]) * t_s;
+    const float background = dark[i] * growth * t_s;
     const float e = q * (1.0F - u * (1.0F - u * (2.0F - 5.0F * u))) - background;
     const float allowed = longest[i] >= t_s ? 1.0F : 0.0F;
     const float use = counts < saturation ? allowed : 0.0F;
@@ -109,7 +104,6 @@ constexpr std::size_t kReach = 4;
   const std::uint16_t* dn = b.dn;
   const float* offset = b.offset_dn;
   const float* dark = b.dark_rate;
-  const float* ambient = b.ambient_rate;
   const float* longest = s.longest_s.data();
   const float* pooled_rate = s.pooled_e.data();  // Divided by pooled_t by now.
   float* weight = s.weight.data();
@@ -130,7 +124,7 @@ constexpr std::size_t kReach = 4;
     const float counts = static_cast<float>(static_cast<int>(dn[i]));
     const float q = (counts - offset[i]) * gain;
     const float u = c * q;
-    const float background = (dark[i] * growth + ambient[i]) * t_s;
+    const float background = dark[i] * growth * t_s;
     const float e = q * (1.0F - u * (1.0F - u * (2.0F - 5.0F * u))) - background;
     const float allowed = longest[i] >= t_s ? 1.0F : 0.0F;
     const float use = counts < saturation ? allowed : 0.0F;
@@ -164,47 +158,29 @@ double dark_growth(const protocol::SensorInfo& sensor, const DarkModel& dark,
                    static_cast<double>(sensor.dark_doubling_K));
 }
 
-AmbientImage ambient_image(std::span<const Exposure> frames, const DarkModel& dark,
-                           const protocol::SensorInfo& sensor) {
-  AmbientImage image;
-  if (frames.empty()) {
-    return image;
-  }
-  const std::size_t count = frames.front().dn.size();
-  const AmbientImage none{std::vector<float>(count, 0.0F), {}};
-  image.rate_e_per_s.resize(count);
-  image.variance.resize(count);
-  oneapi::tbb::parallel_for(
-      oneapi::tbb::blocked_range<std::size_t>(0, count, 16 * kBlock), [&](const auto& range) {
-        merge_exposures(frames, dark, none, sensor, range.begin(),
-                        std::span(image.rate_e_per_s).subspan(range.begin(), range.size()),
-                        std::span(image.variance).subspan(range.begin(), range.size()));
-      });
-  // A pixel that saturates without light (hot) carries no information; the hot-pixel mask hides it.
-  for (std::size_t p = 0; p < count; ++p) {
-    if (std::isinf(image.variance[p])) {
-      image.rate_e_per_s[p] = 0;
-      image.variance[p] = 0;
+std::vector<float> distinct_exposures(std::vector<float> exposures_s_v) {
+  std::ranges::sort(exposures_s_v);
+  std::vector<float> out;
+  for (const float exposure : exposures_s_v) {
+    if (out.empty() || exposure > 1.05F * out.back()) {
+      out.push_back(exposure);
     }
   }
-  return image;
+  return out;
 }
 
-void merge_exposures(std::span<const Exposure> frames, const DarkModel& dark, const AmbientImage& ambient,
-                     const protocol::SensorInfo& sensor, std::size_t first, std::span<float> rate,
-                     std::span<float> variance) {
+void merge_exposures(std::span<const Exposure> frames, const DarkModel& dark,
+                     const protocol::SensorInfo& sensor, std::size_t first, const MergedPixels& out) {
   const SensorResponse response(sensor);
   const SensorTerms terms{response.gain_e_per_dn(), sensor.linearity / sensor.full_well_e,
                           response.usable_e(), static_cast<float>(response.saturation_dn()),
                           response.read_variance_e2()};
-  const std::array<float, kBlock> zeros{};
   Scratch s;
-  for (std::size_t begin = 0; begin < rate.size(); begin += kBlock) {
-    const std::size_t n = std::min(kBlock, rate.size() - begin);
+  for (std::size_t begin = 0; begin < out.rate.size(); begin += kBlock) {
+    const std::size_t n = std::min(kBlock, out.rate.size() - begin);
     const std::size_t p = first + begin;
     const float* offset = dark.offset_dn.data() + p;
     const float* dark_rate = dark.dark_rate_e_per_s.data() + p;
-    const float* ambient_rate = ambient.rate_e_per_s.empty() ? zeros.data() : ambient.rate_e_per_s.data() + p;
     s.pooled_e.fill(0);
     s.pooled_t.fill(0);
     s.longest_s.fill(static_cast<float>(frames.front().exposure_s));
@@ -222,7 +198,7 @@ void merge_exposures(std::span<const Exposure> frames, const DarkModel& dark, co
         const FrameTerms f{static_cast<float>(frame.exposure_s),
                            static_cast<float>(frame.exposure_s * frame.monitor_v),
                            static_cast<float>(dark_growth(sensor, dark, frame.sensor_temperature_mK))};
-        const Block block{frame.dn.data() + p, offset, dark_rate, ambient_rate, n};
+        const Block block{frame.dn.data() + p, offset, dark_rate, n};
         if (pass == 1) {
           weigh(block, f, terms, s);
           continue;
@@ -238,19 +214,14 @@ void merge_exposures(std::span<const Exposure> frames, const DarkModel& dark, co
       if (s.weight[i] > 0) {
         const float inverse = 1.0F / s.weight[i];
         const float share = s.offset_share[i] * inverse;  // d rate / d offset electron
-        rate[begin + i] = s.sum[i] * inverse;
-        variance[begin + i] = inverse + share * share * dark.offset_variance_dn2 * terms.gain * terms.gain;
+        out.rate[begin + i] = s.sum[i] * inverse;
+        out.weight[begin + i] = s.pooled_t[i];
+        out.variance[begin + i] =
+            inverse + share * share * dark.offset_variance_dn2 * terms.gain * terms.gain;
       } else {
-        rate[begin + i] = 0;
-        variance[begin + i] = std::numeric_limits<float>::infinity();
-      }
-    }
-    if (!ambient.variance.empty()) {
-      // The ambient image is subtracted per second of exposure; in units per volt it is divided by
-      // the mean monitor reading, for which the first frame's stands well enough.
-      const auto monitor = static_cast<float>(frames.front().monitor_v);
-      for (std::size_t i = 0; i < n; ++i) {
-        variance[begin + i] += ambient.variance[p + i] / (monitor * monitor);
+        out.rate[begin + i] = 0;
+        out.weight[begin + i] = 0;
+        out.variance[begin + i] = std::numeric_limits<float>::infinity();
       }
     }
   }

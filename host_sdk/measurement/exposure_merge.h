@@ -1,4 +1,4 @@
-// Step 1-5 of instrument.md section 4 for one illumination: dark, HDR merge, ambient, monitor.
+// Steps 1, 3 and 5 of instrument.md section 4 for one illumination: dark, HDR merge, monitor.
 #pragma once
 
 #include <cstdint>
@@ -52,28 +52,25 @@ class SensorResponse {
 [[nodiscard]] double dark_growth(const protocol::SensorInfo& sensor, const DarkModel& dark,
                                  std::int32_t temperature_mK) noexcept;
 
-/// Light that is there with the LED off: rate [e-/s] and its variance per pixel; empty = none measured.
-struct AmbientImage {
-  std::vector<float> rate_e_per_s;
-  std::vector<float> variance;
+/// Ascending, repeats (which differ by the monitor's reading only, under 5 %) once.
+[[nodiscard]] std::vector<float> distinct_exposures(std::vector<float> exposures_s_v);
+
+/// Where a merge writes; all of equal size.
+struct MergedPixels {
+  std::span<float> rate;      ///< [e-/s per volt]; 0 where even the shortest exposure is saturated.
+  std::span<float> variance;  ///< Of rate; infinity there.
+  std::span<float> weight;    ///< Exposure time times monitor of the frames used [s V]; 0 there.
 };
 
-/// Mean of LED-off frames taken with the sample in place, dark subtracted.
-[[nodiscard]] AmbientImage ambient_image(std::span<const Exposure> frames, const DarkModel& dark,
-                                         const protocol::SensorInfo& sensor);
-
-/// Merges the exposures of one illumination for the pixels [first, first + rate.size()).
+/// Merges the exposures of one illumination for the pixels [first, first + out.rate.size()).
 ///
 /// Estimator  weighted mean of e_k / (t_k m_k) with weights 1 / variance predicted from the pooled
 ///            rate, so that the weights do not follow each frame's own noise (which would bias the
 ///            mean low). A frame is used for a pixel when the shorter exposures of its neighbours
 ///            predict less than 90 % of full well: choosing by the pixel's own noise would bias it.
-/// Shape      frames sorted by exposure_s; rate and variance of equal size.
-/// Result     [e-/s per volt]; where even the shortest exposure is saturated rate = 0 and
-///            variance = infinity.
-/// Threads    any; no allocation that depends on the frame count beyond it.
-void merge_exposures(std::span<const Exposure> frames, const DarkModel& dark, const AmbientImage& ambient,
-                     const protocol::SensorInfo& sensor, std::size_t first, std::span<float> rate,
-                     std::span<float> variance);
+/// Shape      frames sorted by exposure_s.
+/// Threads    any; scratch of a fixed size.
+void merge_exposures(std::span<const Exposure> frames, const DarkModel& dark,
+                     const protocol::SensorInfo& sensor, std::size_t first, const MergedPixels& out);
 
 }  // namespace scatter::measurement

@@ -65,31 +65,38 @@ struct RateBlock {
 
 }  // namespace
 
-LaneSelection select_lanes(const RecordedScan& scan, const ReferenceSet& references) {
+LaneSelection select_lanes(const RecordedScan& scan) {
   const auto& list = scan.descriptor.illuminations;
+  const ReferenceSet& references = *scan.references;
+  std::map<std::uint8_t, std::vector<const FrameRecord*>> lit;
+  for (const FrameRecord& frame : scan.frames) {
+    if (frame.begin.kind == protocol::FrameKind::kLight && frame.begin.illumination < list.size()) {
+      lit[frame.begin.illumination].push_back(&frame);
+    }
+  }
   LaneSelection out;
-  out.transmission = !scan.lit.empty() && std::ranges::all_of(scan.lit, [&](const IlluminationFrames& g) {
-    return g.illumination < list.size() && is_transmission(list[g.illumination]);
+  out.transmission = !lit.empty() && std::ranges::all_of(lit, [&](const auto& row) {
+    return is_transmission(list[row.first]);
   });
   const protocol::ReferenceCertificate* reference = references.certificate(
       out.transmission ? protocol::Target::kTranslucentReference : protocol::Target::kWhiteReference);
   const protocol::ReferenceCertificate* black = references.certificate(protocol::Target::kBlackReference);
   std::map<std::uint8_t, std::vector<Lane>> heads;
   std::set<std::uint8_t> channels;
-  for (const IlluminationFrames& group : scan.lit) {
-    if (group.illumination >= list.size() || is_transmission(list[group.illumination]) != out.transmission) {
+  for (const auto& [illumination, frames] : lit) {
+    const protocol::Illumination& source = list[illumination];
+    if (is_transmission(source) != out.transmission) {
       continue;
     }
-    const protocol::Illumination& source = list[group.illumination];
     channels.insert(source.channel);
-    const ReferenceImages* images = references.find(group.illumination);
+    const ReferenceImages* images = references.find(illumination);
     if (images == nullptr || reference == nullptr || source.channel >= reference->f_per_sr.size()) {
       out.omitted.push_back(fmt::format("head {} channel {}: the calibration has no reference for it",
                                         source.head, source.channel));
       continue;
     }
     Lane lane;
-    lane.illumination = group.illumination;
+    lane.illumination = illumination;
     lane.head = source.head;
     lane.channel = source.channel;
     const auto theta = static_cast<double>(source.theta_rad);
@@ -103,10 +110,14 @@ LaneSelection select_lanes(const RecordedScan& scan, const ReferenceSet& referen
       lane.u_black = static_cast<double>(black->relative_uncertainty[source.channel]);
     }
     lane.monitor_relative_variance =
-        monitor_variance(scan.descriptor, group.frames.size(), images->reference_exposures.size());
-    lane.frames = &group;
+        monitor_variance(scan.descriptor, frames.size(), images->reference_exposures.size());
+    lane.light = scan.light.find(illumination);
+    for (const FrameRecord* frame : frames) {
+      lane.exposures_s_v.push_back(static_cast<float>(frame->exposure_s * frame->monitor_v));
+    }
+    lane.exposures_s_v = distinct_exposures(std::move(lane.exposures_s_v));
     lane.references = images;
-    heads[source.head].push_back(lane);
+    heads[source.head].push_back(std::move(lane));
   }
   for (auto& [head, lanes] : heads) {
     if (lanes.size() != channels.size()) {
@@ -119,34 +130,39 @@ LaneSelection select_lanes(const RecordedScan& scan, const ReferenceSet& referen
   return out;
 }
 
-LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection,
-                       const ReferenceSet& references, const AmbientImage& ambient) {
+LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection) {
   const std::size_t pixels = std::size_t{scan.descriptor.sensor.width_px} * scan.descriptor.sensor.height_px;
   const std::size_t lanes = selection.lanes.size();
+  const LightSums::Planes* off = scan.light.find(kLedOff);
   LaneImages out{std::vector<float>(pixels * lanes), std::vector<float>(pixels * lanes)};
-  std::vector<std::vector<Exposure>> exposures;
-  for (const Lane& lane : selection.lanes) {
-    exposures.push_back(lane.frames->exposures());
-  }
   oneapi::tbb::parallel_for(
       oneapi::tbb::blocked_range<std::size_t>(0, pixels, kBlock), [&](const auto& range) {
-        std::array<float, kBlock> rate{};
-        std::array<float, kBlock> variance{};
-        std::array<float, kBlock> f{};
-        std::array<float, kBlock> f_variance{};
+        std::array<float, kBlock> s;
+        std::array<float, kBlock> s_variance;
+        std::array<float, kBlock> f;
+        std::array<float, kBlock> f_variance;
         for (std::size_t begin = range.begin(); begin < range.end(); begin += kBlock) {
           const std::size_t n = std::min(kBlock, range.end() - begin);
           for (std::size_t l = 0; l < lanes; ++l) {
             const Lane& lane = selection.lanes[l];
-            merge_exposures(exposures[l], references.content().dark, ambient, scan.descriptor.sensor, begin,
-                            std::span(rate).first(n), std::span(variance).first(n));
-            const auto f_w = static_cast<float>(lane.f_reference_per_sr);
-            const auto f_b = static_cast<float>(lane.f_black_per_sr);
-            refer({rate.data(), variance.data(), lane.references->reference.rate.data() + begin,
+            std::copy_n(lane.light->image.rate.begin() + static_cast<std::ptrdiff_t>(begin), n, s.begin());
+            std::copy_n(lane.light->image.variance.begin() + static_cast<std::ptrdiff_t>(begin), n,
+                        s_variance.begin());
+            if (off != nullptr) {
+              // A pixel that saturates without light (hot) is masked; elsewhere the off rate is known.
+              const auto per_volt = static_cast<float>(lane.light->inverse_monitor);
+              for (std::size_t i = 0; i < n; ++i) {
+                const bool known = std::isfinite(off->image.variance[begin + i]);
+                s[i] -= known ? off->image.rate[begin + i] * per_volt : 0.0F;
+                s_variance[i] += known ? off->image.variance[begin + i] * per_volt * per_volt : 0.0F;
+              }
+            }
+            refer({s.data(), s_variance.data(), lane.references->reference.rate.data() + begin,
                    lane.references->reference.variance.data() + begin,
                    lane.references->black.rate.data() + begin, lane.references->black.variance.data() + begin,
                    n},
-                  f_w, f_b, f.data(), f_variance.data());
+                  static_cast<float>(lane.f_reference_per_sr), static_cast<float>(lane.f_black_per_sr),
+                  f.data(), f_variance.data());
             for (std::size_t i = 0; i < n; ++i) {
               out.f_per_sr[(begin + i) * lanes + l] = f[i];
               out.variance[(begin + i) * lanes + l] = f_variance[i];

@@ -24,7 +24,8 @@ struct Lane {
   double u_reference = 0;  ///< Relative standard uncertainties of both.
   double u_black = 0;
   double monitor_relative_variance = 0;  ///< Of S / W, common to all pixels.
-  const IlluminationFrames* frames = nullptr;
+  const LightSums::Planes* light = nullptr;
+  std::vector<float> exposures_s_v;  ///< Distinct exposures times monitor, ascending.
   const ReferenceImages* references = nullptr;
 };
 
@@ -42,12 +43,11 @@ struct LaneSelection {
 
 /// Which illuminations of a scan can be processed with a calibration. Scans with both kinds of
 /// illumination give the reflection part.
-[[nodiscard]] LaneSelection select_lanes(const RecordedScan& scan, const ReferenceSet& references);
+[[nodiscard]] LaneSelection select_lanes(const RecordedScan& scan);
 
 /// f = f_b + (f_w - f_b) (S - B) / (W - B) with its variance from those of S, B and W.
 /// Cost  one pass over all frames, parallel over pixels.
-[[nodiscard]] LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection,
-                                     const ReferenceSet& references, const AmbientImage& ambient);
+[[nodiscard]] LaneImages lane_images(const RecordedScan& scan, const LaneSelection& selection);
 
 /// Drops the eight neighbours of every usable pixel without value: the edge of a saturated spot (a
 /// mirror image of the source, the direct beam through a film) falls partly into them.

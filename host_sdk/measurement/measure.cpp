@@ -16,7 +16,7 @@ namespace {
 using protocol::Target;
 
 constexpr std::uint32_t kDefaultBudget_us = 5'000'000;
-constexpr std::uint16_t kDefaultSweeps = 2;
+constexpr std::uint16_t kDefaultSweeps = 3;
 constexpr std::uint32_t kProbe_us = 2500;
 
 Geometry geometry_of(const protocol::Descriptor& d, const MeasureOptions& options) noexcept {
@@ -187,7 +187,7 @@ Result<MeasureResult> measure(device::Device& device, const MeasureOptions& opti
                                 fmt::format("calibration is missing: {}; the raw frames are in {}", why_not,
                                             options.recording.string()),
                                 remedy};
-    result.quality.push_back({"calibration_missing", 1, 0, Verdict::kFail, remedy});
+    result.quality.push_back({"calibration_missing", 1, 0, Verdict::kFail, why_not + "; " + remedy});
     return finish();
   }
   ProcessOptions process_options = options.process;

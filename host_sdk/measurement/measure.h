@@ -16,7 +16,7 @@ struct MeasureOptions {
   bool use_library = true;  ///< Look for and keep calibrations in library_folder().
   bool calibrate_if_needed = true;
   std::uint32_t time_budget_ms = 0;        ///< 0 = 5 s.
-  std::uint16_t repeats = 0;               ///< Sweeps; 0 = 2.
+  std::uint16_t repeats = 0;               ///< Sweeps; 0 = 3.
   std::optional<protocol::Recipe> recipe;  ///< Instead of the standard one.
   ProcessOptions process;
   CalibrateOptions calibrate;  ///< geometry is overridden; progress and stop are used for the run, too.

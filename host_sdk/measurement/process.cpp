@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host_sdk/device/recording_reader.h"
 #include "host_sdk/measurement/lanes.h"
 #include "host_sdk/measurement/provenance.h"
 #include "host_sdk/measurement/quality_checks.h"
@@ -25,16 +26,6 @@ using reflectance::Origin;
 // Nodes overlap: each pixel counts in about (kernel area / node area) of them, so that noise in an
 // integral over nodes averages less than if nodes were independent.
 constexpr double kNodeOverlap = 7.0;
-
-Resampler::Options resampler_options(const RecordedScan& scan, const LaneSelection& selection) {
-  Resampler::Options options;
-  for (const Lane& lane : selection.lanes) {
-    options.source_radius_rad =
-        std::max(options.source_radius_rad,
-                 static_cast<double>(scan.descriptor.illuminations[lane.illumination].angular_radius_rad));
-  }
-  return options;
-}
 
 std::vector<HeadSamples> head_samples(const NodeValues& nodes, const GridShape& grid,
                                       const LaneSelection& selection) {
@@ -186,49 +177,42 @@ std::vector<AlbedoRow> measured_albedo(const GridBrdf& brdf) {
 }
 
 Result<Measurement> process(const std::filesystem::path& recording, const ProcessOptions& options) {
-  auto loaded = load_recording(recording, protocol::Target::kSample);
-  if (!loaded) {
-    return std::unexpected(loaded.error());
+  const std::string name = recording.string();
+  auto reader = device::RecordingReader::open(recording);
+  if (!reader) {
+    return std::unexpected(reader.error());
   }
-  RecordedScan& scan = loaded->scan;
-  std::shared_ptr<const ReferenceSet> references = std::move(loaded->references);
-  if (options.references) {
-    auto fitted = cropped(options.references, loaded->full, scan.recipe);
-    if (!fitted) {
-      return std::unexpected(fitted.error());
-    }
-    references = std::move(*fitted);
+  auto opened = open_scan(*reader, name, options.references);
+  if (!opened) {
+    return std::unexpected(opened.error());
   }
-  if (!references) {
-    return fail(ErrorCode::kFailedPrecondition,
-                fmt::format("{}: the recording carries no calibration", recording.string()),
-                "run `scatter calibrate URI -o CAL.scat`, then `scatter process` this recording with "
-                "--calibration CAL.scat");
+  RecordedScan& scan = *opened;
+  Resampler::Options grid_options;
+  for (const protocol::Illumination& source : scan.descriptor.illuminations) {
+    grid_options.source_radius_rad =
+        std::max(grid_options.source_radius_rad, static_cast<double>(source.angular_radius_rad));
   }
-  const LaneSelection selection = select_lanes(scan, *references);
-  if (selection.lanes.empty()) {
-    return fail(ErrorCode::kFailedPrecondition,
-                fmt::format("{}: calibration {} has no reference for any illumination of the recording",
-                            recording.string(), references->id_hex()),
-                "calibrate for the same geometry (reflection or transmission) as the measurement");
-  }
-
-  std::vector<Exposure> off;
-  for (const ScanFrame& frame : scan.off) {
-    off.push_back(frame.exposure);
-  }
-  const AmbientImage ambient = ambient_image(off, references->content().dark, scan.descriptor.sensor);
-  const Resampler::Options grid_options = resampler_options(scan, selection);
-
-  LaneImages images;
+  // Reading is one thread's work; the grid's operator is built beside it.
+  SampleFrame frame = sample_frame(0, 0, options.sample_rotation_rad);
   PixelGeometry geometry;
   std::optional<Resampler> resampler;
-  SampleFrame frame = sample_frame(0, 0, options.sample_rotation_rad);
-  oneapi::tbb::parallel_invoke([&] { images = lane_images(scan, selection, *references, ambient); },
+  Status read;
+  oneapi::tbb::parallel_invoke([&] { read = read_frames(*reader, name, scan); },
                                [&] {
                                  geometry = pixel_geometry(scan.descriptor, scan.hot_pixels);
                                  resampler = Resampler::build(geometry, scan.descriptor, frame, grid_options);
                                });
+  if (!read) {
+    return std::unexpected(read.error());
+  }
+  const LaneSelection selection = select_lanes(scan);
+  if (selection.lanes.empty()) {
+    return fail(ErrorCode::kFailedPrecondition,
+                fmt::format("{}: calibration {} has no reference for any illumination of the recording", name,
+                            scan.references->id_hex()),
+                "calibrate for the same geometry (reflection or transmission) as the measurement");
+  }
+  LaneImages images = lane_images(scan, selection);
   const std::size_t lanes = selection.lanes.size();
   spread_saturation(images, geometry, lanes);
   NodeValues nodes = resampler->apply(images.f_per_sr, images.variance, lanes);
@@ -262,7 +246,7 @@ Result<Measurement> process(const std::filesystem::path& recording, const Proces
       systematic_uncertainty(nodes, grid_options.grid, frame, scan, selection);
   GridBrdf::Content content =
       grid_content(nodes, systematic, grid_options.grid, frame, scan, selection, options.sample_rotation_rad);
-  content.metadata = provenance(scan, *references, corrected ? &tilt->tilt : nullptr);
+  content.metadata = provenance(scan, corrected ? &tilt->tilt : nullptr);
   auto brdf = GridBrdf::make(std::move(content));
   if (!brdf) {
     return std::unexpected(brdf.error());
@@ -277,12 +261,12 @@ Result<Measurement> process(const std::filesystem::path& recording, const Proces
                 scan.instrument_seconds,
                 scan.raw_bytes,
                 scan.id,
-                references->id_hex()};
+                scan.references->id_hex()};
   m.albedo = measured_albedo(m.brdf);
   if (tilt) {
     m.tilt = tilt->tilt;
   }
-  m.quality = quality_report({scan, selection, *references, ambient, m.brdf, m.albedo, tilt, corrected});
+  m.quality = quality_report({scan, selection, m.brdf, m.albedo, tilt, corrected});
   return m;
 }
 

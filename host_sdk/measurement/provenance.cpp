@@ -15,8 +15,8 @@ std::string iso_time(std::uint64_t unix_s) {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(unix_s)));
 }
 
-std::map<std::string, std::string> provenance(const RecordedScan& scan, const ReferenceSet& references,
-                                              const Tilt* corrected_tilt) {
+std::map<std::string, std::string> provenance(const RecordedScan& scan, const Tilt* corrected_tilt) {
+  const ReferenceSet& references = *scan.references;
   std::string certificates;
   for (const protocol::ReferenceCertificate& row : references.content().certificates) {
     certificates += (certificates.empty() ? "" : ", ") + std::string(row.id.str());

@@ -15,7 +15,6 @@ namespace scatter::measurement {
 /// Keys: recording_id, calibration_id, software, instrument, serial, created (ISO 8601, UTC),
 /// settings (exposures, repeats, target), certificates, tilt_correction.
 [[nodiscard]] std::map<std::string, std::string> provenance(const RecordedScan& scan,
-                                                            const ReferenceSet& references,
                                                             const Tilt* corrected_tilt);
 
 /// ISO 8601, UTC, seconds: "2026-01-01T00:00:00Z".

@@ -24,6 +24,7 @@ constexpr double kLowSignalUncertainty = 0.05;
 constexpr double kLedDriftLimit = 0.02;
 constexpr double kReciprocityLimit = 0.03;
 constexpr double kSymmetryLimit = 0.03;
+constexpr double kDimLevel_dn = 20;  // Mean over the picture.
 
 QualityItem item(std::string name, double value, double limit, bool good, Verdict otherwise,
                  std::string advice, std::string found = {}) {
@@ -61,7 +62,7 @@ void add_ledger(const QualityInput& in, std::vector<QualityItem>& out) {
 }
 
 void add_calibration(const QualityInput& in, std::vector<QualityItem>& out) {
-  const ReferenceSet::Content& c = in.references.content();
+  const ReferenceSet::Content& c = in.scan.references->content();
   const double age_s =
       static_cast<double>(in.scan.creation_unix_ns) * 1e-9 - static_cast<double>(c.unix_time_s);
   const double life_s = in.scan.descriptor.reference_lifetime_s;
@@ -69,12 +70,10 @@ void add_calibration(const QualityInput& in, std::vector<QualityItem>& out) {
                      "the calibration is too old for this measurement: run `scatter calibrate`, then process "
                      "this recording with it"));
   std::int32_t sensor = c.sensor_temperature_mK;
-  for (const IlluminationFrames& group : in.scan.lit) {
-    for (const ScanFrame& frame : group.frames) {
-      if (std::abs(frame.begin.sensor_temperature_mK - c.sensor_temperature_mK) >
-          std::abs(sensor - c.sensor_temperature_mK)) {
-        sensor = frame.begin.sensor_temperature_mK;
-      }
+  for (const FrameRecord& frame : in.scan.frames) {
+    if (std::abs(frame.begin.sensor_temperature_mK - c.sensor_temperature_mK) >
+        std::abs(sensor - c.sensor_temperature_mK)) {
+      sensor = frame.begin.sensor_temperature_mK;
     }
   }
   const double change_K = 1e-3 * std::abs(sensor - c.sensor_temperature_mK);
@@ -85,45 +84,39 @@ void add_calibration(const QualityInput& in, std::vector<QualityItem>& out) {
 }
 
 void add_light(const QualityInput& in, std::vector<QualityItem>& out) {
-  double drift = 0;
-  double soft = 0;
-  std::string dead;
-  for (const IlluminationFrames& group : in.scan.lit) {
+  struct Range {
     double low = std::numeric_limits<double>::infinity();
     double high = 0;
-    std::map<std::uint32_t, const ScanFrame*> first_of_exposure;
-    for (const ScanFrame& frame : group.frames) {
-      low = std::min(low, frame.exposure.monitor_v);
-      high = std::max(high, frame.exposure.monitor_v);
-      if ((frame.end.flags & protocol::kFrameMonitorLow) != 0) {
-        dead = fmt::format("{}", group.illumination);
-      }
-      const auto [at, is_first] = first_of_exposure.emplace(frame.begin.exposure_us, &frame);
-      if (is_first || at->second->begin.sweep == frame.begin.sweep) {
-        continue;
-      }
-      // Same illumination and exposure in another sweep: the same picture, if nothing moved.
-      const ScanFrame& earlier = *at->second;
-      const auto black = static_cast<double>(in.scan.descriptor.sensor.black_level_dn);
-      const SensorResponse response(in.scan.descriptor.sensor);
-      double a = 0;
-      double b = 0;
-      for (std::size_t p = 0; p < frame.exposure.dn.size(); p += 7) {
-        if (earlier.exposure.dn[p] < response.saturation_dn() &&
-            frame.exposure.dn[p] < response.saturation_dn()) {
-          a += earlier.exposure.dn[p] - black;
-          b += frame.exposure.dn[p] - black;
-        }
-      }
-      a /= earlier.exposure.monitor_v;
-      b /= frame.exposure.monitor_v;
-      // Dim frames carry too little light for a verdict at the half-percent level.
-      if (a > 2e5) {
-        soft = std::max(soft, std::abs(b / a - 1));
-      }
+  };
+  std::map<std::uint8_t, Range> monitor;
+  std::map<std::pair<std::uint8_t, std::uint32_t>, const FrameRecord*>
+      first;  // Of each illumination and exposure.
+  double soft = 0;
+  std::string dead;
+  for (const FrameRecord& frame : in.scan.frames) {
+    if (frame.begin.kind != protocol::FrameKind::kLight) {
+      continue;
     }
-    if (high > 0) {
-      drift = std::max(drift, high / low - 1);
+    Range& range = monitor[frame.begin.illumination];
+    range.low = std::min(range.low, frame.monitor_v);
+    range.high = std::max(range.high, frame.monitor_v);
+    if ((frame.end.flags & protocol::kFrameMonitorLow) != 0) {
+      dead = fmt::format("{}", frame.begin.illumination);
+    }
+    const auto [at, is_first] =
+        first.emplace(std::pair(frame.begin.illumination, frame.begin.exposure_us), &frame);
+    const FrameRecord& earlier = *at->second;
+    // The same illumination and exposure in another sweep is the same picture, if nothing moved. Dim
+    // frames carry too little light for a verdict at the half-percent level.
+    if (!is_first && earlier.begin.sweep != frame.begin.sweep && earlier.level_dn > kDimLevel_dn) {
+      soft = std::max(
+          soft, std::abs(frame.level_dn / frame.monitor_v / (earlier.level_dn / earlier.monitor_v) - 1));
+    }
+  }
+  double drift = 0;
+  for (const auto& [illumination, range] : monitor) {
+    if (range.low > 0) {
+      drift = std::max(drift, range.high / range.low - 1);
     }
   }
   out.push_back(item("repeat_difference", soft, kSoftLimit, soft <= kSoftLimit, Verdict::kWarn,
@@ -137,16 +130,16 @@ void add_light(const QualityInput& in, std::vector<QualityItem>& out) {
         {"led_dead", 1, 0, Verdict::kFail, "illumination " + dead + " gives no light: check the LED head"});
   }
 
-  if (!in.ambient.rate_e_per_s.empty() && !in.selection.lanes.empty()) {
+  const LightSums::Planes* off_light = in.scan.light.find(kLedOff);
+  if (off_light != nullptr && !in.selection.lanes.empty()) {
     // Light that is there with the LEDs off, as a share of a white surface's light under the LEDs.
     double off = 0;
     double lit = 0;
     const Lane& lane = in.selection.lanes[in.selection.lanes.size() / 2];
-    for (std::size_t p = 0; p < in.ambient.rate_e_per_s.size(); ++p) {
-      const double w = static_cast<double>(lane.references->reference.rate[p]) *
-                       lane.frames->frames.front().exposure.monitor_v;
-      if (w > 0) {
-        off += static_cast<double>(in.ambient.rate_e_per_s[p]);
+    for (std::size_t p = 0; p < off_light->image.rate.size(); ++p) {
+      const double w = static_cast<double>(lane.references->reference.rate[p]) / lane.light->inverse_monitor;
+      if (w > 0 && std::isfinite(off_light->image.variance[p])) {
+        off += static_cast<double>(off_light->image.rate[p]);
         lit += w;
       }
     }

@@ -15,8 +15,6 @@ namespace scatter::measurement {
 struct QualityInput {
   const RecordedScan& scan;
   const LaneSelection& selection;
-  const ReferenceSet& references;
-  const AmbientImage& ambient;
   const reflectance::GridBrdf& brdf;
   const std::vector<AlbedoRow>& albedo;
   const std::optional<TiltFit>& tilt;

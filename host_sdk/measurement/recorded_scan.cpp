@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 #include <sodium.h>
 
-#include <algorithm>
+#include <oneapi/tbb/task_group.h>
+
+#include <array>
 #include <cstring>
+#include <utility>
 
 #include "host_sdk/device/recording_reader.h"
 #include "host_sdk/measurement/attachments.h"
@@ -65,6 +68,58 @@ class Fingerprint {
   crypto_hash_sha256_state state_{};
 };
 
+bool of_sample(const device::RecordedRun& run) noexcept {
+  const protocol::Recipe& recipe = run.configuration.recipe;
+  return recipe.target == protocol::Target::kSample && recipe.test_pattern == 0;
+}
+
+// Frames are merged when this much of them is held and a sweep has ended.
+constexpr std::size_t kBatchBytes = std::size_t{12} << 20U;
+
+/// Collects frames into batches of whole sweeps and merges each while the next one is read.
+class Merger {
+ public:
+  explicit Merger(RecordedScan& scan) noexcept : scan_(scan) {}
+  Merger(const Merger&) = delete;
+  Merger& operator=(const Merger&) = delete;
+  ~Merger() { tasks_.wait(); }
+
+  void add(device::Frame frame) {
+    if (frame.begin.sweep != sweep_ && filling_.bytes() >= kBatchBytes) {
+      merge();
+    }
+    sweep_ = frame.begin.sweep;
+    const std::size_t before = filling_.bytes();
+    if (const auto record = filling_.add(scan_.descriptor, std::move(frame))) {
+      scan_.frames.push_back(*record);
+      scan_.raw_bytes += filling_.bytes() - before;
+    } else {
+      ++scan_.damaged_frames;
+    }
+  }
+  void end_of_run() {
+    merge();
+    tasks_.wait();
+  }
+
+ private:
+  void merge() {
+    if (filling_.empty()) {
+      return;
+    }
+    tasks_.wait();  // One batch at a time: the sums are shared.
+    merging_ = std::exchange(filling_, {});
+    tasks_.run(
+        [this] { scan_.light.add(merging_, scan_.references->content().dark, scan_.descriptor.sensor); });
+  }
+
+  RecordedScan& scan_;
+  FrameBatch filling_;
+  FrameBatch merging_;
+  std::uint16_t sweep_ = 0;
+  oneapi::tbb::task_group tasks_;
+};
+
 void add(protocol::Ledger& sum, const protocol::Ledger& l) noexcept {
   sum.exposed += l.exposed;
   sum.delivered += l.delivered;
@@ -76,70 +131,6 @@ void add(protocol::Ledger& sum, const protocol::Ledger& l) noexcept {
 }
 
 }  // namespace
-
-std::vector<Exposure> IlluminationFrames::exposures() const {
-  std::vector<Exposure> out;
-  out.reserve(frames.size());
-  for (const ScanFrame& frame : frames) {
-    out.push_back(frame.exposure);
-  }
-  return out;
-}
-
-double monitor_volts(const protocol::Descriptor& d, const protocol::FrameBegin& begin) noexcept {
-  const double kelvin = 1e-3 * (begin.led_temperature_mK - d.sensor.reference_temperature_mK);
-  return 1e-6 * begin.monitor_uv / (1.0 + static_cast<double>(d.monitor_slope_per_K) * kelvin);
-}
-
-bool add_frame(RecordedScan& scan, const protocol::Descriptor& full, device::Frame frame) {
-  if (frame.status != device::FrameStatus::kComplete || frame.pixel_count() == 0) {
-    ++scan.damaged_frames;
-    return false;
-  }
-  ScanFrame row;
-  row.begin = frame.begin;
-  row.end = frame.end;
-  row.exposure.exposure_s = 1e-6 * frame.begin.exposure_us;
-  row.exposure.sensor_temperature_mK = frame.begin.sensor_temperature_mK;
-  scan.raw_bytes += frame.size_bytes;
-  if (frame.begin.pixel_format == protocol::PixelFormat::kMono16) {
-    row.exposure.dn = {reinterpret_cast<const std::uint16_t*>(frame.bytes().data()), frame.pixel_count()};
-    scan.keep_alive.push_back(std::move(frame));
-  } else {
-    std::vector<std::uint16_t>& pixels = scan.unpacked.emplace_back(frame.pixel_count());
-    if (!device::unpack(frame, pixels)) {
-      scan.unpacked.pop_back();
-      ++scan.damaged_frames;
-      return false;
-    }
-    row.exposure.dn = pixels;
-  }
-  if (row.begin.kind != protocol::FrameKind::kLight) {
-    row.exposure.monitor_v = 1.0;
-    scan.off.push_back(row);
-    return true;
-  }
-  row.exposure.monitor_v = monitor_volts(full, row.begin);
-  auto at = std::ranges::find(scan.lit, row.begin.illumination, &IlluminationFrames::illumination);
-  if (at == scan.lit.end()) {
-    scan.lit.push_back({row.begin.illumination, {}});
-    at = scan.lit.end() - 1;
-  }
-  at->frames.push_back(row);
-  return true;
-}
-
-void sort_frames(RecordedScan& scan) {
-  const auto order = [](const ScanFrame& a, const ScanFrame& b) {
-    return std::tuple(a.begin.exposure_us, a.begin.run_id, a.begin.frame_id) <
-           std::tuple(b.begin.exposure_us, b.begin.run_id, b.begin.frame_id);
-  };
-  std::ranges::sort(scan.lit, {}, &IlluminationFrames::illumination);
-  for (IlluminationFrames& group : scan.lit) {
-    std::ranges::sort(group.frames, order);
-  }
-  std::ranges::sort(scan.off, order);
-}
 
 protocol::Descriptor cropped(const protocol::Descriptor& descriptor, const protocol::Recipe& recipe) {
   const Window w = window_of(descriptor, recipe);
@@ -185,41 +176,82 @@ Result<std::shared_ptr<const ReferenceSet>> cropped(const std::shared_ptr<const 
   return ReferenceSet::with_identity(std::move(out), references->sha256());
 }
 
-Result<LoadedRecording> load_recording(const std::filesystem::path& file, protocol::Target target) {
-  auto reader = device::RecordingReader::open(file);
-  if (!reader) {
-    return std::unexpected(reader.error());
-  }
-  const auto full = reader->descriptor();
+Result<RecordedScan> open_scan(const device::RecordingReader& reader, const std::string& name,
+                               const std::shared_ptr<const ReferenceSet>& given) {
+  const auto full = reader.descriptor();
   if (!full) {
     return std::unexpected(full.error());
   }
-  LoadedRecording out;
-  out.full = *full;
-  RecordedScan& scan = out.scan;
-  scan.creation_unix_ns = reader->info().creation_unix_ns;
-  scan.integrity = reader->integrity().text();
-
-  Fingerprint fingerprint;
-  fingerprint.add(scan.creation_unix_ns);
+  RecordedScan scan;
+  scan.creation_unix_ns = reader.info().creation_unix_ns;
+  scan.integrity = reader.integrity().text();
   bool first = true;
-  const auto runs = reader->runs();
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    const protocol::Recipe& recipe = runs[i].configuration.recipe;
-    if (recipe.target != target || recipe.test_pattern != 0) {
+  for (const device::RecordedRun& run : reader.runs()) {
+    if (!of_sample(run)) {
       continue;
     }
+    const protocol::Recipe& recipe = run.configuration.recipe;
     if (first) {
       scan.recipe = recipe;
+      first = false;
     } else if (recipe.region_x != scan.recipe.region_x || recipe.region_y != scan.recipe.region_y ||
                recipe.region_width != scan.recipe.region_width ||
                recipe.region_height != scan.recipe.region_height) {
-      return fail(ErrorCode::kInvalidArgument,
-                  fmt::format("{}: run {} has another window than the runs before", file.string(), i + 1),
+      return fail(ErrorCode::kInvalidArgument, fmt::format("{}: holds runs with different windows", name),
                   "record runs with different windows into different files");
     }
-    first = false;
-    auto cursor = reader->frames(i);
+  }
+  if (first) {
+    return fail(
+        ErrorCode::kDataLoss, fmt::format("{}: holds no run of a sample", name),
+        scan.integrity.empty() ? "give the recording of a measurement" : scan.integrity + "; record again");
+  }
+  scan.descriptor = cropped(*full, scan.recipe);
+
+  std::shared_ptr<const ReferenceSet> references = given;
+  if (!references) {
+    auto attached = attached_references(reader);
+    if (!attached) {
+      return std::unexpected(attached.error());
+    }
+    references = std::move(*attached);
+  }
+  if (!references) {
+    return fail(ErrorCode::kFailedPrecondition, fmt::format("{}: the recording carries no calibration", name),
+                "run `scatter calibrate URI -o CAL.scat`, then `scatter process` this recording with "
+                "--calibration CAL.scat");
+  }
+  auto fitted = cropped(references, *full, scan.recipe);
+  if (!fitted) {
+    return std::unexpected(fitted.error());
+  }
+  scan.references = std::move(*fitted);
+
+  if (const auto bytes = reader.attachment(device::kAttachmentHotPixels)) {
+    const Window w = window_of(*full, scan.recipe);
+    for (std::size_t at = 0; at + sizeof(std::uint32_t) <= bytes->size(); at += sizeof(std::uint32_t)) {
+      std::uint32_t p = 0;
+      std::memcpy(&p, bytes->data() + at, sizeof p);
+      const std::size_t x = p % full->sensor.width_px;
+      const std::size_t y = p / full->sensor.width_px;
+      if (x >= w.x && x < w.x + w.width && y >= w.y && y < w.y + w.height) {
+        scan.hot_pixels.push_back(static_cast<std::uint32_t>((y - w.y) * w.width + (x - w.x)));
+      }
+    }
+  }
+  return scan;
+}
+
+Status read_frames(const device::RecordingReader& reader, const std::string& name, RecordedScan& scan) {
+  Fingerprint fingerprint;
+  fingerprint.add(scan.creation_unix_ns);
+  Merger merger(scan);
+  const auto runs = reader.runs();
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (!of_sample(runs[i])) {
+      continue;
+    }
+    auto cursor = reader.frames(i);
     if (!cursor) {
       return std::unexpected(cursor.error());
     }
@@ -233,8 +265,9 @@ Result<LoadedRecording> load_recording(const std::filesystem::path& file, protoc
       }
       fingerprint.add((*frame)->begin);
       fingerprint.add((*frame)->end);
-      add_frame(scan, *full, std::move(**frame));
+      merger.add(std::move(**frame));
     }
+    merger.end_of_run();
     const device::RecordedRunSummary summary = cursor->summary();
     add(scan.ledger, summary.ledger);
     if (scan.integrity.empty()) {
@@ -245,40 +278,12 @@ Result<LoadedRecording> load_recording(const std::filesystem::path& file, protoc
           1e-6 * static_cast<double>(runs[i].report->ended_us - runs[i].report->started_us);
     }
   }
-  if (scan.lit.empty() && scan.off.empty()) {
-    return fail(ErrorCode::kDataLoss,
-                fmt::format("{}: holds no complete frame of a {}", file.string(),
-                            target == protocol::Target::kSample ? "sample" : "reference"),
+  if (scan.frames.empty()) {
+    return fail(ErrorCode::kDataLoss, fmt::format("{}: holds no complete frame of a sample", name),
                 scan.integrity.empty() ? "record again" : scan.integrity + "; record again");
   }
-  sort_frames(scan);
   scan.id = fingerprint.hex();
-  scan.descriptor = cropped(*full, scan.recipe);
-
-  if (const auto bytes = reader->attachment(device::kAttachmentHotPixels)) {
-    const Window w = window_of(*full, scan.recipe);
-    for (std::size_t at = 0; at + sizeof(std::uint32_t) <= bytes->size(); at += sizeof(std::uint32_t)) {
-      std::uint32_t p = 0;
-      std::memcpy(&p, bytes->data() + at, sizeof p);
-      const std::size_t x = p % full->sensor.width_px;
-      const std::size_t y = p / full->sensor.width_px;
-      if (x >= w.x && x < w.x + w.width && y >= w.y && y < w.y + w.height) {
-        scan.hot_pixels.push_back(static_cast<std::uint32_t>((y - w.y) * w.width + (x - w.x)));
-      }
-    }
-  }
-  auto references = attached_references(*reader);
-  if (!references) {
-    return std::unexpected(references.error());
-  }
-  if (*references) {
-    auto fitted = cropped(*references, *full, scan.recipe);
-    if (!fitted) {
-      return std::unexpected(fitted.error());
-    }
-    out.references = std::move(*fitted);
-  }
-  return out;
+  return {};
 }
 
 }  // namespace scatter::measurement

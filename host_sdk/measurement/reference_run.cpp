@@ -10,8 +10,9 @@
 
 #include "host_sdk/device/device.h"
 #include "host_sdk/measurement/exposure_merge.h"
+#include "host_sdk/measurement/frame_batch.h"
+#include "host_sdk/measurement/light_sums.h"
 #include "host_sdk/measurement/recipe_run.h"
-#include "host_sdk/measurement/recorded_scan.h"
 #include "host_sdk/reflectance/direction.h"
 
 namespace scatter::measurement {
@@ -140,57 +141,54 @@ Status ReferenceRun::take_reference(Target target, const std::function<void(doub
     recipe.max_brackets = 2;
     recipe.repeats = is_black ? kBlackSweeps : kReferenceSweeps;
     recipe.time_budget_us = is_black ? 3'000'000 : 5'000'000;
-    RecordedScan scan;
-    scan.recipe = recipe;
+    FrameBatch batch;
+    std::vector<FrameRecord> frames;
     const auto report = run_recipe(
         *device_, recipe, nullptr, stop_, [&](const device::Frame& frame, double fraction) -> Status {
-          add_frame(scan, d, frame);
+          if (const auto record = batch.add(d, frame)) {
+            frames.push_back(*record);
+          }
           progress((static_cast<double>(h) + fraction) / static_cast<double>(heads.size()));
           return {};
         });
     if (!report) {
       return std::unexpected(report.error());
     }
-    sort_frames(scan);
-    for (const IlluminationFrames& group : scan.lit) {
-      const std::vector<Exposure> exposures = group.exposures();
-      RateImage image;
-      image.rate.resize(exposures.front().dn.size());
-      image.variance.resize(image.rate.size());
-      oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::size_t>(0, image.rate.size(), 8192),
-                                [&](const auto& r) {
-                                  merge_exposures(exposures, content_.dark, {}, d.sensor, r.begin(),
-                                                  std::span(image.rate).subspan(r.begin(), r.size()),
-                                                  std::span(image.variance).subspan(r.begin(), r.size()));
-                                });
-      const auto at =
-          std::ranges::find(content_.illuminations, group.illumination, &ReferenceImages::illumination);
-      ReferenceImages& images =
-          at != content_.illuminations.end() ? *at : content_.illuminations.emplace_back();
-      images.illumination = group.illumination;
-      content_.sensor_temperature_mK = group.frames.front().begin.sensor_temperature_mK;
-      content_.led_temperature_mK = group.frames.front().begin.led_temperature_mK;
-      if (is_black) {
-        images.black = std::move(image);
+    LightSums light;
+    light.add(batch, content_.dark, d.sensor);
+    for (const std::uint8_t illumination : heads[h]) {
+      const LightSums::Planes* planes = light.find(illumination);
+      if (planes == nullptr) {
         continue;
       }
-      images.reference_exposures.clear();
-      for (const Exposure& exposure : exposures) {
-        const auto level = static_cast<float>(exposure.exposure_s * exposure.monitor_v);
-        if (images.reference_exposures.empty() || level > 1.05F * images.reference_exposures.back()) {
-          images.reference_exposures.push_back(level);
+      const RateImage& image = planes->image;
+      const auto at = std::ranges::find(content_.illuminations, illumination, &ReferenceImages::illumination);
+      ReferenceImages& images =
+          at != content_.illuminations.end() ? *at : content_.illuminations.emplace_back();
+      images.illumination = illumination;
+      content_.sensor_temperature_mK = frames.back().begin.sensor_temperature_mK;
+      content_.led_temperature_mK = frames.back().begin.led_temperature_mK;
+      if (is_black) {
+        images.black = image;
+        continue;
+      }
+      std::vector<float> exposures;
+      for (const FrameRecord& frame : frames) {
+        if (frame.begin.illumination == illumination) {
+          exposures.push_back(static_cast<float>(frame.exposure_s * frame.monitor_v));
         }
       }
+      images.reference_exposures = distinct_exposures(std::move(exposures));
       const auto saturated = static_cast<std::size_t>(
           std::ranges::count_if(image.variance, [](float v) { return std::isinf(v); }));
       if (saturated > image.variance.size() / 100) {
         return fail(
             ErrorCode::kFailedPrecondition,
-            fmt::format("illumination {}: {} of {} pixels of the reference are saturated", group.illumination,
+            fmt::format("illumination {}: {} of {} pixels of the reference are saturated", illumination,
                         saturated, image.variance.size()),
             "check that the white reference, not a mirror, lies under the instrument, then calibrate again");
       }
-      images.reference = std::move(image);
+      images.reference = image;
     }
   }
   return {};

@@ -89,17 +89,8 @@ std::vector<float> systematic_uncertainty(const NodeValues& nodes, const GridSha
   const auto geometry = static_cast<double>(d.uncertainty.geometry_rad);
   const auto linearity = static_cast<double>(d.uncertainty.linearity);
   const auto theta_max = static_cast<double>(d.optics.theta_max_rad);
-  std::vector<std::vector<float>> sample_exposures;
   std::vector<double> blur;
   for (const Lane& lane : selection.lanes) {
-    std::vector<float>& list = sample_exposures.emplace_back();
-    for (const ScanFrame& f : lane.frames->frames) {
-      const auto exposure = static_cast<float>(f.exposure.exposure_s * f.exposure.monitor_v);
-      // Repeats differ by the monitor's reading only; one of them stands for all.
-      if (list.empty() || exposure > 1.05F * list.back()) {
-        list.push_back(exposure);
-      }
-    }
     const auto radius = static_cast<double>(d.illuminations[lane.illumination].angular_radius_rad);
     blur.push_back(radius * radius / 4);
   }
@@ -135,7 +126,7 @@ std::vector<float> systematic_uncertainty(const NodeValues& nodes, const GridSha
               const auto b = static_cast<double>(lane.references->black.rate[pixel]);
               const double s = b + (w - b) * x;
               const double sample_level =
-                  level(s, sample_exposures[l], static_cast<double>(response.usable_e()),
+                  level(s, lane.exposures_s_v, static_cast<double>(response.usable_e()),
                         static_cast<double>(response.full_well_e()));
               const double reference_level =
                   level(w, lane.references->reference_exposures, static_cast<double>(response.usable_e()),

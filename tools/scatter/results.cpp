@@ -43,18 +43,21 @@ Result<std::vector<std::string>> write_results(const Measurement& measurement,
   Result<std::string> picture;
   std::array<Result<std::string>, 2> lines;
   const auto subtitle = report_subtitle(measurement);
-  tbb::parallel_invoke(
-      [&] { picture = plot::hemispheres(measurement.brdf, {.title = request.title, .subtitle = subtitle}); },
-      [&] { exr_done = write(exr, formats::encode_native_exr(measurement.brdf)); },
-      [&] { bsdf_done = write(bsdf, formats::encode_minidiff(measurement.brdf)); },
-      [&] {
-        const plot::NamedBrdf one[] = {{"measured", &measurement.brdf}};
-        plot::CurveOptions options{.incidences = plot::incidences_of(measurement.brdf)};
-        options.incidences.resize(std::min<std::size_t>(options.incidences.size(), 24));
-        lines[0] = plot::curves(one, options);
-        options.theme = plot::Theme::kDark;
-        lines[1] = plot::curves(one, options);
-      });
+  tbb::parallel_invoke([&] { exr_done = write(exr, formats::encode_native_exr(measurement.brdf)); },
+                       [&] { bsdf_done = write(bsdf, formats::encode_minidiff(measurement.brdf)); },
+                       [&] {
+                         // All drawing in one thread: cairo's font cache is shared, and the rounding of
+                         // glyphs depends on who filled it, which would make the same measurement's pictures
+                         // differ now and then.
+                         picture = plot::hemispheres(measurement.brdf,
+                                                     {.title = request.title, .subtitle = subtitle});
+                         const plot::NamedBrdf one[] = {{"measured", &measurement.brdf}};
+                         plot::CurveOptions options{.incidences = plot::incidences_of(measurement.brdf)};
+                         options.incidences.resize(std::min<std::size_t>(options.incidences.size(), 24));
+                         lines[0] = plot::curves(one, options);
+                         options.theme = plot::Theme::kDark;
+                         lines[1] = plot::curves(one, options);
+                       });
   for (const Status* done : {&exr_done, &bsdf_done}) {
     if (!*done) {
       return std::unexpected(done->error());
