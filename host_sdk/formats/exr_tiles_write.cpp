@@ -26,7 +26,6 @@ using reflectance::Brdf;
 using reflectance::degrees;
 using reflectance::Direction;
 using reflectance::GridBrdf;
-using reflectance::kPi;
 using reflectance::Origin;
 using reflectance::radians;
 using reflectance::ScatterType;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "host_sdk/error/error.h"
+#include "host_sdk/measurement/geometry.h"
 #include "host_sdk/measurement/references.h"
 #include "protocol/types.h"
 
@@ -19,9 +20,6 @@ class Device;
 }
 
 namespace scatter::measurement {
-
-/// Whether sources above the sample or those of the transmission module light it.
-enum class Geometry { kReflection, kTransmission };
 
 struct CalibrateOptions {
   Geometry geometry = Geometry::kReflection;

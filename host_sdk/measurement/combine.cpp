@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <optional>
+#include <string>
 
 #include "host_sdk/measurement/process.h"
 
@@ -100,6 +103,14 @@ double repeat_chi_square(const std::vector<const GridPart*>& parts, const GridPa
   return count > 0 ? sum / count : 0;
 }
 
+/// Factor on the variance of a mean of `count` repeats with one calibration. The noise of the
+/// references is the same in all of them and does not average out; repeats agree better than their
+/// random uncertainties say by just that share.
+double common_noise_factor(double chi_square, std::size_t count) noexcept {
+  const double own = std::clamp(chi_square, 0.0, 1.0);
+  return own + static_cast<double>(count) * (1.0 - own);
+}
+
 /// Median relative difference between parts of equal incidence at different sample rotations, each
 /// seen from its own plane of incidence: 0 for an isotropic sample.
 std::optional<double> anisotropy(const GridBrdf::Content& c) {
@@ -151,8 +162,10 @@ Result<Measurement> combine(std::vector<Measurement> measurements) {
   Measurement out = std::move(measurements.front());
   const GridBrdf::Content& first = out.brdf.content();
   std::vector<const GridPart*> all;
+  std::vector<std::string> calibration_of;
   for (const GridPart& part : first.parts) {
     all.push_back(&part);
+    calibration_of.push_back(out.calibration_id);
   }
   std::string ids = out.recording_id;
   std::string calibrations = out.calibration_id;
@@ -166,6 +179,7 @@ Result<Measurement> combine(std::vector<Measurement> measurements) {
     }
     for (const GridPart& part : c.parts) {
       all.push_back(&part);
+      calibration_of.push_back(measurements[i].calibration_id);
     }
     ids += "," + measurements[i].recording_id;
     if (measurements[i].calibration_id != out.calibration_id) {
@@ -193,16 +207,29 @@ Result<Measurement> combine(std::vector<Measurement> measurements) {
       continue;
     }
     std::vector<const GridPart*> group;
+    std::map<std::string, std::size_t> with_calibration;
     for (std::size_t b = a; b < all.size(); ++b) {
       if (!used[b] && same_place(*all[a], *all[b])) {
         used[b] = true;
         group.push_back(all[b]);
+        ++with_calibration[calibration_of[b]];
       }
     }
     content.parts.push_back(averaged(group, first.channels));
     if (group.size() > 1) {
       repeated = true;
-      worst_chi = std::max(worst_chi, repeat_chi_square(group, content.parts.back(), first.channels));
+      const double chi = repeat_chi_square(group, content.parts.back(), first.channels);
+      worst_chi = std::max(worst_chi, chi);
+      std::size_t common = 1;
+      for (const auto& [id, count] : with_calibration) {
+        common = std::max(common, count);
+      }
+      const auto factor = static_cast<float>(std::sqrt(common_noise_factor(chi, common)));
+      for (std::vector<float>& plane : content.parts.back().random_per_sr) {
+        for (float& random : plane) {
+          random *= factor;
+        }
+      }
     }
   }
 

@@ -11,14 +11,12 @@
 #include <map>
 #include <set>
 
+#include "host_sdk/measurement/geometry.h"
+
 namespace scatter::measurement {
 namespace {
 
 constexpr std::size_t kBlock = 4096;
-
-bool is_transmission(const protocol::Illumination& i) noexcept {
-  return static_cast<double>(i.theta_rad) > reflectance::kPi / 2;
-}
 
 /// Relative variance of S / W from the photodiode's noise: one reading per frame.
 double monitor_variance(const protocol::Descriptor& d, std::size_t frames,

@@ -23,7 +23,7 @@ TangentPlane tangent_plane(const Direction& w) noexcept {
   return {u, reflectance::cross(w, u)};
 }
 
-constexpr int kTerms = 6;
+constexpr std::size_t kTerms = 6;
 
 /// Candidate pixels of one fit in tangent-plane coordinates divided by the radius.
 struct Candidates {
@@ -106,8 +106,8 @@ bool LocalFit::solve(const FitRequest& request, std::span<const float> variance,
     }
   }
 
-  const int terms = request.order == 2 ? kTerms : 3;
-  if (c.pixel.size() < static_cast<std::size_t>(2 * terms)) {
+  const std::size_t terms = request.order == 2 ? kTerms : 3;
+  if (c.pixel.size() < 2 * terms) {
     return false;
   }
   // Moments sum k u^a v^b fill the normal matrix of the basis 1, u, v, u^2, u v, v^2.

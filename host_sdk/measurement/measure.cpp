@@ -133,14 +133,8 @@ Result<device::RunSummary> record_run(device::Device& device, const MeasureOptio
 }  // namespace
 
 protocol::Recipe standard_recipe(const protocol::Descriptor& d, const MeasureOptions& options) {
-  const Geometry geometry = geometry_of(d, options);
   protocol::Recipe recipe;
-  for (std::uint8_t i = 0; i < d.illuminations.size(); ++i) {
-    const bool below = static_cast<double>(d.illuminations[i].theta_rad) > reflectance::kPi / 2;
-    if (below == (geometry == Geometry::kTransmission)) {
-      recipe.illuminations.push_back(i);
-    }
-  }
+  recipe.illuminations.assign(illuminations_of(d, geometry_of(d, options)));
   recipe.exposure_mode = protocol::ExposureMode::kAuto;
   recipe.exposures_us.push_back(kProbe_us);
   recipe.repeats = options.repeats == 0 ? kDefaultSweeps : options.repeats;

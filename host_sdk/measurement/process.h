@@ -65,7 +65,8 @@ struct Measurement {
 [[nodiscard]] std::vector<AlbedoRow> measured_albedo(const reflectance::GridBrdf& brdf);
 
 /// Combines measurements of one sample: equal incidence and rotation average with weights
-/// 1 / random^2; different rotations become parts of one anisotropic BRDF. Adds the rows
+/// 1 / random^2 (the references' noise, common to repeats with one calibration, does not shrink);
+/// different rotations become parts of one anisotropic BRDF. Adds the rows
 /// "repeatability" or "isotropy" to the quality report.
 /// Errors   kInvalidArgument: different grids, channels or types.
 [[nodiscard]] Result<Measurement> combine(std::vector<Measurement> measurements);

@@ -179,6 +179,10 @@ Result<std::shared_ptr<const ReferenceSet>> cropped(const std::shared_ptr<const 
 Result<RecordedScan> open_scan(const device::RecordingReader& reader, const std::string& name,
                                const std::shared_ptr<const ReferenceSet>& given) {
   const auto full = reader.descriptor();
+  if (!full && reader.integrity().truncated) {
+    return fail(ErrorCode::kDataLoss, fmt::format("{}: was cut off before its first frame", name),
+                "record again");
+  }
   if (!full) {
     return std::unexpected(full.error());
   }

@@ -13,7 +13,6 @@
 #include "host_sdk/measurement/frame_batch.h"
 #include "host_sdk/measurement/light_sums.h"
 #include "host_sdk/measurement/recipe_run.h"
-#include "host_sdk/reflectance/direction.h"
 
 namespace scatter::measurement {
 namespace {
@@ -116,15 +115,10 @@ Status ReferenceRun::take_reference(Target target, const std::function<void(doub
   // One head at a time: its frames are merged and dropped before the next head's arrive, so memory
   // stays at a few dozen frames.
   std::vector<std::vector<std::uint8_t>> heads;
-  for (std::uint8_t i = 0; i < d.illuminations.size(); ++i) {
-    const protocol::Illumination& source = d.illuminations[i];
-    const bool below = static_cast<double>(source.theta_rad) > reflectance::kPi / 2;
-    if (below == (geometry_ == Geometry::kTransmission)) {
-      if (heads.size() <= source.head) {
-        heads.resize(std::size_t{source.head} + 1);
-      }
-      heads[source.head].push_back(i);
-    }
+  for (const std::uint8_t illumination : illuminations_of(d, geometry_)) {
+    const std::size_t head = d.illuminations[illumination].head;
+    heads.resize(std::max(heads.size(), head + 1));
+    heads[head].push_back(illumination);
   }
   std::erase_if(heads, [](const auto& head) { return head.empty(); });
   if (heads.empty()) {

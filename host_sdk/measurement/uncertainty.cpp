@@ -9,8 +9,6 @@
 namespace scatter::measurement {
 namespace {
 
-using reflectance::Direction;
-
 /// Share of the well at which a rate was sampled: the longest exposure that still fits.
 double level(double rate, std::span<const float> exposures_s_v, double usable_e,
              double full_well_e) noexcept {

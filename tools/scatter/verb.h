@@ -8,7 +8,7 @@
 
 #include "host_sdk/error/error.h"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): theirs
 class App;
 }
 namespace scatter::device {

@@ -63,6 +63,17 @@ TEST_CASE("Repeats average with weights 1 / random^2; the systematic part does n
   CHECK(find(*out, "repeatability_chi_square")->verdict == Verdict::kWarn);
 }
 
+TEST_CASE("Repeats that agree better than their random uncertainty share noise that does not average out") {
+  // Equal values: nothing of the random uncertainty is their own, so the mean keeps all of it.
+  std::vector<Measurement> list;
+  for (int k = 0; k < 3; ++k) {
+    list.push_back(measurement_of(0.100F, 0.001F, 0, 0));
+  }
+  const auto out = combine(std::move(list));
+  REQUIRE(out);
+  CHECK(out->brdf.content().parts.at(0).random_per_sr[0][5000] == Approx(0.001));
+}
+
 TEST_CASE("Rotations stay apart as one anisotropic BRDF, and their difference is told") {
   std::vector<Measurement> list;
   list.push_back(measurement_of(0.10F, 0.001F, 0, 0));
