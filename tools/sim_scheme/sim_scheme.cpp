@@ -13,7 +13,6 @@ namespace scatter::tools {
 namespace {
 
 using device::TimePoint;
-using simulator::ClockMode;
 using simulator::VirtualInstrument;
 
 /// Longest run of the instrument before the stop token is looked at again.
