@@ -58,6 +58,17 @@ struct Ledger {
   std::uint64_t lost_host = 0;      ///< Arrived whole, dropped by the host.
   std::uint64_t corrupt = 0;        ///< Arrived whole, checksum or metadata wrong.
 
+  /// Adds the frames of another run.
+  constexpr Ledger& operator+=(const Ledger& other) noexcept {
+    exposed += other.exposed;
+    delivered += other.delivered;
+    lost_sensor += other.lost_sensor;
+    lost_firmware += other.lost_firmware;
+    lost_link += other.lost_link;
+    lost_host += other.lost_host;
+    corrupt += other.corrupt;
+    return *this;
+  }
   [[nodiscard]] constexpr bool balances() const noexcept {
     return exposed == delivered + lost_sensor + lost_firmware + lost_link + lost_host + corrupt;
   }

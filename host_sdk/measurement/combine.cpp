@@ -245,13 +245,7 @@ Result<Measurement> combine(std::vector<Measurement> measurements) {
         mine->advice = fmt::format("measurement {}: {}", i + 1, row.advice);
       }
     }
-    out.ledger.exposed += measurements[i].ledger.exposed;
-    out.ledger.delivered += measurements[i].ledger.delivered;
-    out.ledger.lost_sensor += measurements[i].ledger.lost_sensor;
-    out.ledger.lost_firmware += measurements[i].ledger.lost_firmware;
-    out.ledger.lost_link += measurements[i].ledger.lost_link;
-    out.ledger.lost_host += measurements[i].ledger.lost_host;
-    out.ledger.corrupt += measurements[i].ledger.corrupt;
+    out.ledger += measurements[i].ledger;
     out.instrument_seconds += measurements[i].instrument_seconds;
     out.raw_bytes += measurements[i].raw_bytes;
   }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "host_sdk/measurement/vector_clones.h"
+
 namespace scatter::measurement {
 namespace {
 
@@ -47,8 +49,8 @@ constexpr std::size_t kReach = 4;
 
 // Lets a pixel use the next longer exposure when the shorter exposures of its neighbours predict that
 // it fits. The pixel's own rate has no say: it would keep the pixels that came out high by chance.
-[[gnu::target_clones("avx2", "default")]] void admit(const FrameTerms& f, float previous_s, float usable_e,
-                                                     std::size_t n, Scratch& s) {
+SCATTER_VECTOR_CLONES void admit(const FrameTerms& f, float previous_s, float usable_e, std::size_t n,
+                                 Scratch& s) {
   std::array<float, kBlock + 2 * kReach> e;
   std::array<float, kBlock + 2 * kReach> t;
   e.fill(0);
@@ -70,8 +72,7 @@ constexpr std::size_t kReach = 4;
 
 // The two loops below see every pixel of every frame. They are written for the vectoriser: plain
 // pointers to planes that do not overlap (ivdep), choices as selections, no early exits.
-[[gnu::target_clones("avx2", "default")]] void pool(const Block& b, const FrameTerms& f, const SensorTerms& k,
-                                                    Scratch& s) {
+SCATTER_VECTOR_CLONES void pool(const Block& b, const FrameTerms& f, const SensorTerms& k, Scratch& s) {
   const std::uint16_t* dn = b.dn;
   const float* offset = b.offset_dn;
   const float* dark = b.dark_rate;
@@ -99,8 +100,7 @@ constexpr std::size_t kReach = 4;
   }
 }
 
-[[gnu::target_clones("avx2", "default")]] void weigh(const Block& b, const FrameTerms& f,
-                                                     const SensorTerms& k, Scratch& s) {
+SCATTER_VECTOR_CLONES void weigh(const Block& b, const FrameTerms& f, const SensorTerms& k, Scratch& s) {
   const std::uint16_t* dn = b.dn;
   const float* offset = b.offset_dn;
   const float* dark = b.dark_rate;

@@ -12,6 +12,7 @@
 #include <set>
 
 #include "host_sdk/measurement/geometry.h"
+#include "host_sdk/measurement/vector_clones.h"
 
 namespace scatter::measurement {
 namespace {
@@ -38,8 +39,8 @@ struct RateBlock {
   std::size_t n;
 };
 
-[[gnu::target_clones("avx2", "default")]] void refer(const RateBlock& in, float f_w, float f_b,
-                                                     float* __restrict f, float* __restrict variance) {
+SCATTER_VECTOR_CLONES void refer(const RateBlock& in, float f_w, float f_b, float* __restrict f,
+                                 float* __restrict variance) {
   const float* __restrict s = in.s;
   const float* __restrict w = in.w;
   const float* __restrict b = in.b;

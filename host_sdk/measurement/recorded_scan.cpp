@@ -120,16 +120,6 @@ class Merger {
   oneapi::tbb::task_group tasks_;
 };
 
-void add(protocol::Ledger& sum, const protocol::Ledger& l) noexcept {
-  sum.exposed += l.exposed;
-  sum.delivered += l.delivered;
-  sum.lost_sensor += l.lost_sensor;
-  sum.lost_firmware += l.lost_firmware;
-  sum.lost_link += l.lost_link;
-  sum.lost_host += l.lost_host;
-  sum.corrupt += l.corrupt;
-}
-
 }  // namespace
 
 protocol::Descriptor cropped(const protocol::Descriptor& descriptor, const protocol::Recipe& recipe) {
@@ -273,7 +263,7 @@ Status read_frames(const device::RecordingReader& reader, const std::string& nam
     }
     merger.end_of_run();
     const device::RecordedRunSummary summary = cursor->summary();
-    add(scan.ledger, summary.ledger);
+    scan.ledger += summary.ledger;
     if (scan.integrity.empty()) {
       scan.integrity = summary.integrity.text();
     }

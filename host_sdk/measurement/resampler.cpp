@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "host_sdk/measurement/local_fit.h"
+#include "host_sdk/measurement/vector_clones.h"
 
 namespace scatter::measurement {
 
@@ -33,10 +34,9 @@ double blur_variance(double source_radius, double pixels_per_radian) noexcept {
 }
 
 // acc[l] += sum h f, var[l] += sum h^2 v over one row of the operator.
-[[gnu::target_clones("avx2", "default")]] void accumulate(const std::uint32_t* pixel, const float* weight,
-                                                          std::size_t count, const float* value,
-                                                          const float* variance, std::size_t lanes,
-                                                          float* acc, float* var) {
+SCATTER_VECTOR_CLONES void accumulate(const std::uint32_t* pixel, const float* weight, std::size_t count,
+                                      const float* value, const float* variance, std::size_t lanes,
+                                      float* acc, float* var) {
   for (std::size_t k = 0; k < count; ++k) {
     const float h = weight[k];
     const float hh = h * h;
@@ -53,7 +53,14 @@ double blur_variance(double source_radius, double pixels_per_radian) noexcept {
 
 Resampler::Resampler(const PixelGeometry& pixels, const protocol::Descriptor& descriptor,
                      const SampleFrame& frame, const Options& options)
-    : options_(options), pixels_(&pixels), descriptor_(descriptor), frame_(frame) {}
+    : options_(options), pixels_(&pixels), descriptor_(descriptor), frame_(frame) {
+  for (const protocol::BlindSpot& spot : descriptor_.blind_spots) {
+    const auto radius = static_cast<double>(spot.radius_rad);
+    blind_.push_back(
+        {reflectance::from_spherical(static_cast<double>(spot.theta_rad), static_cast<double>(spot.phi_rad)),
+         radius, std::cos(radius)});
+  }
+}
 
 void Resampler::Rows::append(const FitWeights& weights) {
   pixel.insert(pixel.end(), weights.pixel.begin(), weights.pixel.end());
@@ -69,12 +76,9 @@ Resampler::Footprint Resampler::footprint(const Direction& w) const {
     return {};
   }
   double reach = 0;
-  for (const protocol::BlindSpot& spot : descriptor_.blind_spots) {
-    const Direction axis =
-        reflectance::from_spherical(static_cast<double>(spot.theta_rad), static_cast<double>(spot.phi_rad));
-    const double distance = reflectance::angle_between(axis, w);
-    if (distance < static_cast<double>(spot.radius_rad)) {
-      reach = std::max(reach, static_cast<double>(spot.radius_rad) + distance);
+  for (const BlindDisc& disc : blind_) {
+    if (dot(disc.axis, w) > disc.cos_radius) {
+      reach = std::max(reach, disc.radius + reflectance::angle_between(disc.axis, w));
     }
   }
   if (reach > 0) {

@@ -101,10 +101,17 @@ class Resampler {
   Resampler(const PixelGeometry& pixels, const protocol::Descriptor& descriptor, const SampleFrame& frame,
             const Options& options);
 
+  struct BlindDisc {
+    reflectance::Direction axis;
+    double radius = 0;
+    double cos_radius = 0;
+  };
+
   Options options_;
   const PixelGeometry* pixels_;
   protocol::Descriptor descriptor_;
   SampleFrame frame_;
+  std::vector<BlindDisc> blind_;
   std::vector<Ring> rings_;
   std::vector<NodeKind> kinds_;
 };
