@@ -12,7 +12,7 @@
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
 #include "host_sdk/formats/zemax.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 
 namespace scatter::formats {
 namespace {

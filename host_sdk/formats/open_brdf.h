@@ -9,7 +9,7 @@
 
 namespace scatter::formats {
 
-/// "ggx:alpha=0.2,f0=0.04" (reflectance/model_spec.h), "file:PATH" or "PATH". Files are
+/// "ggx:alpha=0.2,f0=0.04" (reflectance/models/model_spec.h), "file:PATH" or "PATH". Files are
 /// recognized by their content.
 /// Errors  those of the readers; kUnimplemented: a known format that is not read yet;
 ///         kInvalidArgument: no format that is known; kNotFound.

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "host_sdk/formats/open_brdf.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 
 namespace scatter::simulator {
 namespace {

@@ -61,7 +61,7 @@ class Sample {
   Sample(std::shared_ptr<const Surface> surface, Defects defects)
       : surface_(std::move(surface)), defects_(defects) {}
 
-  /// Sample from text: a model ("ggx:alpha=0.2,f0=0.04,albedo=0.3", see reflectance/model_spec.h)
+  /// Sample from text: a model ("ggx:alpha=0.2,f0=0.04,albedo=0.3", see reflectance/models/model_spec.h)
   /// or "file:PATH" (any readable BRDF), then any of
   ///   +tilt=DEG@AZIMUTH_DEG  +translucent=SHARE  +uneven=DEG  +soft=SHARE
   /// The '+' inside a path is part of the path unless one of these names and '=' follow it.

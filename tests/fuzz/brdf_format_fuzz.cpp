@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "host_sdk/formats/open_brdf.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 
 using namespace scatter::reflectance;
 

@@ -9,7 +9,7 @@
 #include "host_sdk/device/device.h"
 #include "host_sdk/measurement/measure.h"
 #include "host_sdk/reflectance/compare.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "tools/sim_scheme/sim_scheme.h"
 
 using namespace scatter;

@@ -20,10 +20,14 @@ ARROWS = {
     "firmware/boards": ["firmware/core", "firmware/boot"],
     "host_sdk/error": [],
     "host_sdk/reflectance": ["host_sdk/error"],
-    "host_sdk/formats": ["host_sdk/reflectance"],
+    "host_sdk/reflectance/models": ["host_sdk/reflectance"],
+    "host_sdk/reflectance/search": ["host_sdk/reflectance"],
+    "host_sdk/reflectance/fitting": ["host_sdk/reflectance/models"],
+    "host_sdk/reflectance/estimators": ["host_sdk/reflectance/search", "host_sdk/reflectance/fitting"],
+    "host_sdk/formats": ["host_sdk/reflectance/models"],
     "host_sdk/device": ["host_sdk/error", "protocol"],
     "host_sdk/measurement": ["host_sdk/device", "host_sdk/reflectance"],
-    "host_sdk/c_api": ["host_sdk/measurement", "host_sdk/formats"],
+    "host_sdk/c_api": ["host_sdk/measurement", "host_sdk/formats", "host_sdk/reflectance/estimators"],
     "host_sdk/python": ["host_sdk/c_api"],
     "simulator/random": [],
     "simulator/corrosion": ["simulator/random", "host_sdk/error"],
@@ -60,7 +64,7 @@ SKIPPED = {".git", "build", "out", "__pycache__"}
 def room_of(path):
     """The row of ARROWS that holds this path, or None."""
     parts = path.split("/")
-    for depth in (2, 1):
+    for depth in (3, 2, 1):
         room = "/".join(parts[:depth])
         if len(parts) > depth and room in ARROWS:
             return room

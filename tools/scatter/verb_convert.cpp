@@ -10,7 +10,7 @@
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
 #include "host_sdk/formats/open_brdf.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "tools/scatter/files.h"
 #include "tools/scatter/grid_of.h"
 #include "tools/scatter/verb.h"

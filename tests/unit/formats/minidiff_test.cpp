@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "host_sdk/reflectance/compare.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "host_sdk/reflectance/sampled_grid.h"
 #include "tests/unit/formats/sample_grid.h"
 

@@ -8,7 +8,7 @@
 #include "host_sdk/formats/file_bytes.h"
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "tests/unit/formats/real_data.h"
 #include "tests/unit/formats/sample_grid.h"
 

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "host_sdk/measurement/pixel_geometry.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 
 using namespace scatter;
 using namespace scatter::measurement;

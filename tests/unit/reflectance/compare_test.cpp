@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "host_sdk/reflectance/peak.h"
 #include "host_sdk/reflectance/sampled_grid.h"
 

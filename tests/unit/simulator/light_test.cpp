@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "simulator/bench/light.h"
 
 namespace {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "host_sdk/formats/open_brdf.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "simulator/random/stream.h"
 #include "simulator/samples/aspect.h"
 #include "simulator/samples/sample.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 #include "tools/plot/curves.h"
 #include "tools/plot/hemispheres.h"
 

@@ -1,4 +1,4 @@
-#include "host_sdk/reflectance/lambert.h"
+#include "host_sdk/reflectance/models/lambert.h"
 
 #include <algorithm>
 

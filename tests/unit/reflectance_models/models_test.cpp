@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "host_sdk/reflectance/ggx.h"
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/ggx.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 
 using namespace scatter::reflectance;
 using scatter::ErrorCode;

@@ -1,4 +1,4 @@
-#include "host_sdk/reflectance/ggx.h"
+#include "host_sdk/reflectance/models/ggx.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "host_sdk/reflectance/film.h"
+#include "host_sdk/reflectance/models/film.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "host_sdk/reflectance/model_spec.h"
+#include "host_sdk/reflectance/models/model_spec.h"
 
 #include <fmt/format.h>
 
@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "host_sdk/reflectance/film.h"
-#include "host_sdk/reflectance/ggx.h"
-#include "host_sdk/reflectance/lambert.h"
+#include "host_sdk/reflectance/models/film.h"
+#include "host_sdk/reflectance/models/ggx.h"
+#include "host_sdk/reflectance/models/lambert.h"
 
 namespace scatter::reflectance {
 namespace {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "host_sdk/reflectance/brdf.h"
-#include "host_sdk/reflectance/model_channels.h"
+#include "host_sdk/reflectance/models/model_channels.h"
 
 namespace scatter::reflectance {
 
