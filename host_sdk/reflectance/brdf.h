@@ -71,6 +71,11 @@ class Brdf {
   ///           origin.size() == omega_o.size() or 0 (not wanted).
   virtual void eval_batch(const Direction& omega_i, std::span<const Direction> omega_o,
                           std::span<double> f_per_sr, std::span<Origin> origin) const noexcept;
+
+  /// `eval` of many geometries, each with its own incidence.
+  /// Shape     omega_i.size() == omega_o.size(); f_per_sr and origin as for eval_batch.
+  virtual void eval_pairs(std::span<const Direction> omega_i, std::span<const Direction> omega_o,
+                          std::span<double> f_per_sr, std::span<Origin> origin) const noexcept;
 };
 
 }  // namespace scatter::reflectance
