@@ -1,0 +1,44 @@
+// The model families that can be fitted, by name.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "host_sdk/error/error.h"
+
+namespace scatter::reflectance {
+
+/// What lies under the lobes. The coefficient is the albedo, one per channel, 0..1.
+enum class FitBase : std::uint8_t { kLambert, kOrenNayar };
+
+/// Lobes. One shape parameter each, shared by all channels, and one coefficient per channel:
+///   kGgx, kBeckmann, kCookTorrance  alpha (0.001..1; Cook-Torrance: m) and F0 (0..1), Schlick Fresnel
+///   kWard                           alpha (0.001..1) and k_s (0..1), no Fresnel
+///   kLafortune                      exponent n (0.5..1e5) and k_s (0..1), no Fresnel
+/// Of two lobes with Fresnel each also has a weight 0..1, shared by all channels.
+enum class FitLobe : std::uint8_t { kGgx, kBeckmann, kCookTorrance, kWard, kLafortune };
+
+/// Base plus at most two lobes, or the Disney model (2012: base colour, metallic, roughness, specular).
+struct FitFamily {
+  FitBase base = FitBase::kLambert;
+  std::vector<FitLobe> lobes;
+  bool disney = false;  ///< Base and lobes do not apply.
+
+  friend bool operator==(const FitFamily&, const FitFamily&) = default;
+};
+
+/// "ggx", "oren-nayar+ward", "ggx2", "lambert+ggx+ward", "lambert", "oren-nayar", "disney": an optional
+/// base (Lambert when none is named) and up to two of ggx, beckmann, cook-torrance, ward, lafortune;
+/// a 2 behind a lobe doubles it.
+/// Errors    kInvalidArgument naming the word and what there is.
+[[nodiscard]] Result<FitFamily> fit_family(std::string_view name);
+
+/// Shortest name that fit_family reads back.
+[[nodiscard]] std::string name(const FitFamily& family);
+
+/// Those that `select_model` tries when nobody says otherwise, simplest first.
+[[nodiscard]] std::vector<FitFamily> default_families();
+
+}  // namespace scatter::reflectance
