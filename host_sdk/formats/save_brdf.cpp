@@ -1,0 +1,114 @@
+#include "host_sdk/formats/save_brdf.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <utility>
+
+#include "host_sdk/formats/exr_tiles.h"
+#include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/formats/grid_to_write.h"
+#include "host_sdk/formats/minidiff.h"
+#include "host_sdk/formats/native_exr.h"
+#include "host_sdk/formats/text_scanner.h"
+
+namespace scatter::formats {
+namespace {
+
+using reflectance::Brdf;
+using reflectance::GridBrdf;
+using Bytes = Result<std::string>;
+
+Bytes on_normal_grid(const Brdf& brdf, const EncodeOptions& options, Bytes (*encode)(const GridBrdf& grid)) {
+  const auto grid = normal_grid(brdf, options);
+  return grid ? encode(**grid) : Bytes(std::unexpected(grid.error()));
+}
+
+Bytes native_exr(const Brdf& brdf, const EncodeOptions& options) {
+  return on_normal_grid(brdf, options, encode_native_exr);
+}
+
+Bytes minidiff(const Brdf& brdf, const EncodeOptions& options) {
+  return on_normal_grid(brdf, options, encode_minidiff);
+}
+
+Bytes exr_tiles(const Brdf& brdf, const EncodeOptions& options) {
+  return encode_exr_tiles(brdf, {.width = options.tile_width,
+                                 .height = options.tile_height,
+                                 .columns = options.tile_columns,
+                                 .half_precision = options.half_precision,
+                                 .theta_i = options.theta_i,
+                                 .method = options.method.empty() ? "measured" : options.method});
+}
+
+/// One line per format that can be written; the first of an extension is its default.
+constexpr std::array kWriters{
+    Writer{Format::kNativeExr, "exr", ".exr", "OpenEXR grid about the normal, lossless (.exr)",
+           "nothing of a grid about the normal; other data are sampled on one", native_exr},
+    Writer{Format::kExrTiles, "tiles", ".exr", "OpenEXR, one tile per incidence, for shaders (.exr)",
+           "nodes move to texel centres, half floats, random and systematic uncertainty in one", exr_tiles},
+    Writer{Format::kMiniDiff, "minidiff", ".bsdf", "MiniDiff / LightTools BSDF, text (.bsdf)",
+           "uncertainty, digits beyond the seventh", minidiff},
+};
+
+std::string words() {
+  std::string text;
+  for (const Writer& writer : kWriters) {
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", writer.word);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::span<const Writer> writers() noexcept {
+  return kWriters;
+}
+
+Result<const Writer*> writer_named(std::string_view word) {
+  const auto* it = std::ranges::find_if(kWriters, [&](const Writer& w) { return same_word(w.word, word); });
+  if (it == kWriters.end()) {
+    return fail(ErrorCode::kInvalidArgument, fmt::format("no format named '{}' can be written", word),
+                fmt::format("use one of: {}", words()));
+  }
+  return it;
+}
+
+Result<const Writer*> writer_for(const std::filesystem::path& path) {
+  const std::string extension = path.extension().string();
+  const auto* it =
+      std::ranges::find_if(kWriters, [&](const Writer& w) { return same_word(w.extension, extension); });
+  if (it == kWriters.end()) {
+    std::string known;
+    for (const Writer& writer : kWriters) {
+      known += fmt::format("{}{} ({})", known.empty() ? "" : ", ", writer.extension, writer.word);
+    }
+    return fail(ErrorCode::kInvalidArgument,
+                fmt::format("the extension '{}' of '{}' names no format that can be written", extension,
+                            path.string()),
+                fmt::format("use {}, or name the format", known));
+  }
+  return it;
+}
+
+Result<std::string> encode_brdf(const Brdf& brdf, const Writer& writer, const EncodeOptions& options) {
+  if (options.digits < 0 || options.digits > 17) {
+    return fail(ErrorCode::kInvalidArgument, fmt::format("{} digits, expected 1..17", options.digits),
+                "leave it out or choose 4 to 9");
+  }
+  if (!options.channel) {
+    return writer.encode(brdf, options);
+  }
+  const auto one = one_channel(brdf, *options.channel);
+  return one ? writer.encode(**one, options) : Bytes(std::unexpected(one.error()));
+}
+
+Status save_brdf(const Brdf& brdf, const std::filesystem::path& path, const Writer& writer,
+                 const EncodeOptions& options) {
+  const auto bytes = encode_brdf(brdf, writer, options);
+  return bytes ? write_file(path, *bytes) : std::unexpected(bytes.error());
+}
+
+}  // namespace scatter::formats
