@@ -1,0 +1,195 @@
+#include "host_sdk/reflectance/bilinear_warp.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace scatter::reflectance {
+namespace {
+
+/// Rows summed side by side: one running sum alone waits for each addition.
+constexpr std::size_t kRowsAtOnce = 8;
+
+/// Integrals along `rows` rows of `width` nodes, from the left, by the trapezium rule, which is
+/// exact for what is linear between nodes.
+template <std::size_t kRows>
+void sum_rows(const float* values, float* sums, std::size_t width) noexcept {
+  const float half_step = 0.5F / static_cast<float>(width - 1);
+  std::array<float, kRows> sum{};
+  std::array<float, kRows> last{};
+  for (std::size_t r = 0; r < kRows; ++r) {
+    last[r] = values[r * width];
+    sums[r * width] = 0;
+  }
+  for (std::size_t c = 1; c < width; ++c) {
+    for (std::size_t r = 0; r < kRows; ++r) {
+      const float next = values[r * width + c];
+      sum[r] += half_step * (last[r] + next);
+      last[r] = next;
+      sums[r * width + c] = sum[r];
+    }
+  }
+}
+
+/// Place t in 0..1 where the integral of the line from a to b over 0..t reaches `part`.
+double place_in_line(double a, double b, double part) noexcept {
+  if (part <= 0) {
+    return 0;
+  }
+  // (b - a) / 2 t^2 + a t = part, in the form that does not cancel.
+  const double root = std::sqrt(std::max(0.0, a * a + 2 * (b - a) * part));
+  const double divisor = a + root;
+  return divisor > 0 ? std::min(1.0, 2 * part / divisor) : 1.0;
+}
+
+}  // namespace
+
+BilinearCell cell_at(std::size_t width, std::size_t height, const SquarePoint& at) noexcept {
+  const double x = std::clamp(at.x, 0.0, 1.0) * static_cast<double>(width - 1);
+  const double y = std::clamp(at.y, 0.0, 1.0) * static_cast<double>(height - 1);
+  const std::size_t column = std::min(static_cast<std::size_t>(x), width - 2);
+  const std::size_t row = std::min(static_cast<std::size_t>(y), height - 2);
+  return {row * width + column, x - static_cast<double>(column), y - static_cast<double>(row)};
+}
+
+BilinearWarp::BilinearWarp(BilinearTables tables) : tables_(std::move(tables)) {
+  const std::size_t width = tables_.width;
+  const std::size_t height = tables_.height;
+  const std::size_t rows = tables_.values.size() / width;
+  for (float& value : tables_.values) {
+    value = std::max(value, 0.0F);
+  }
+  conditional_.resize(tables_.values.size());
+  std::size_t row = 0;
+  for (; row + kRowsAtOnce <= rows; row += kRowsAtOnce) {
+    sum_rows<kRowsAtOnce>(tables_.values.data() + row * width, conditional_.data() + row * width, width);
+  }
+  for (; row < rows; ++row) {
+    sum_rows<1>(tables_.values.data() + row * width, conditional_.data() + row * width, width);
+  }
+  marginal_.resize(rows);
+  const double half_step = 0.5 / static_cast<double>(height - 1);
+  for (std::size_t table = 0; table < rows / height; ++table) {
+    double sum = 0;
+    double last = 0;
+    for (std::size_t r = 0; r < height; ++r) {
+      const auto next = static_cast<double>(conditional_[(table * height + r + 1) * width - 1]);
+      sum += r == 0 ? 0 : half_step * (last + next);
+      last = next;
+      marginal_[table * height + r] = static_cast<float>(sum);
+    }
+    scale_.push_back(sum > 0 ? 1 / sum : 0);
+  }
+}
+
+double BilinearWarp::value(std::size_t row, std::size_t column, const TableMix& mix) const noexcept {
+  double sum = 0;
+  for (std::size_t k = 0; k < mix.count; ++k) {
+    const std::size_t table = mix.table[k];
+    sum += mix.weight[k] * scale_[table] *
+           static_cast<double>(tables_.values[(table * tables_.height + row) * tables_.width + column]);
+  }
+  return sum;
+}
+
+double BilinearWarp::row_up_to(std::size_t row, std::size_t column, const TableMix& mix) const noexcept {
+  double sum = 0;
+  for (std::size_t k = 0; k < mix.count; ++k) {
+    const std::size_t table = mix.table[k];
+    sum += mix.weight[k] * scale_[table] *
+           static_cast<double>(conditional_[(table * tables_.height + row) * tables_.width + column]);
+  }
+  return sum;
+}
+
+double BilinearWarp::rows_up_to(std::size_t row, const TableMix& mix) const noexcept {
+  double sum = 0;
+  for (std::size_t k = 0; k < mix.count; ++k) {
+    const std::size_t table = mix.table[k];
+    sum += mix.weight[k] * scale_[table] * static_cast<double>(marginal_[table * tables_.height + row]);
+  }
+  return sum;
+}
+
+double BilinearWarp::density(const SquarePoint& at, const TableMix& mix) const noexcept {
+  const BilinearCell cell = cell_at(tables_.width, tables_.height, at);
+  double sum = 0;
+  for (std::size_t k = 0; k < mix.count; ++k) {
+    const std::size_t table = mix.table[k];
+    sum += mix.weight[k] * scale_[table] *
+           bilinear(tables_.values.data() + table * tables_.size(), tables_.width, cell);
+  }
+  return sum;
+}
+
+SquarePoint BilinearWarp::invert(const SquarePoint& at, const TableMix& mix) const noexcept {
+  const std::size_t width = tables_.width;
+  const BilinearCell cell = cell_at(width, tables_.height, at);
+  const std::size_t row = cell.node / width;
+  // Along the row at y: nodes, integrals up to the cell and over the whole row are linear in y.
+  double left = 0;
+  double right = 0;
+  double before = 0;
+  double low = 0;
+  double high = 0;
+  double rows_before = 0;
+  for (std::size_t k = 0; k < mix.count; ++k) {
+    const std::size_t table = mix.table[k];
+    const double weight = mix.weight[k] * scale_[table];
+    const std::size_t node = table * tables_.size() + cell.node;
+    const float* v = tables_.values.data() + node;
+    const float* c = conditional_.data() + node;
+    const float* end = conditional_.data() + table * tables_.size() + (row + 1) * width - 1;
+    const auto between = [&](float a, float b) {
+      return weight * ((1 - cell.y) * static_cast<double>(a) + cell.y * static_cast<double>(b));
+    };
+    left += between(v[0], v[width]);
+    right += between(v[1], v[width + 1]);
+    before += between(c[0], c[width]);
+    low += weight * static_cast<double>(end[0]);
+    high += weight * static_cast<double>(end[width]);
+    rows_before += weight * static_cast<double>(marginal_[table * tables_.height + row]);
+  }
+  const double step_x = 1.0 / static_cast<double>(width - 1);
+  const double step_y = 1.0 / static_cast<double>(tables_.height - 1);
+  const double whole = (1 - cell.y) * low + cell.y * high;
+  const double up_to_x = before + step_x * cell.x * (left + 0.5 * cell.x * (right - left));
+  const double up_to_y = rows_before + step_y * cell.y * (low + 0.5 * cell.y * (high - low));
+  return {whole > 0 ? std::clamp(up_to_x / whole, 0.0, 1.0) : 0.0, std::clamp(up_to_y, 0.0, 1.0)};
+}
+
+SquarePoint BilinearWarp::sample(const SquarePoint& uniform, const TableMix& mix) const noexcept {
+  const std::size_t width = tables_.width;
+  const std::size_t height = tables_.height;
+  /// Last of the first count - 1 entries that does not exceed the goal.
+  const auto last_below = [](std::size_t count, double goal, const auto& cumulated) {
+    std::size_t low = 0;
+    std::size_t high = count - 1;
+    while (high - low > 1) {
+      const std::size_t middle = (low + high) / 2;
+      (cumulated(middle) < goal ? low : high) = middle;
+    }
+    return low;
+  };
+  const double goal_y = std::clamp(uniform.y, 0.0, 1.0) * rows_up_to(height - 1, mix);
+  const std::size_t row = last_below(height, goal_y, [&](std::size_t r) { return rows_up_to(r, mix); });
+  const double step_y = 1.0 / static_cast<double>(height - 1);
+  const double in_y = place_in_line(row_up_to(row, width - 1, mix), row_up_to(row + 1, width - 1, mix),
+                                    (goal_y - rows_up_to(row, mix)) / step_y);
+  const auto mixed = [&](const auto& f, std::size_t column) {
+    return (1 - in_y) * f(row, column) + in_y * f(row + 1, column);
+  };
+  const auto along = [&](std::size_t c) {
+    return mixed([&](std::size_t r, std::size_t k) { return row_up_to(r, k, mix); }, c);
+  };
+  const auto node = [&](std::size_t c) {
+    return mixed([&](std::size_t r, std::size_t k) { return value(r, k, mix); }, c);
+  };
+  const double goal_x = std::clamp(uniform.x, 0.0, 1.0) * along(width - 1);
+  const std::size_t column = last_below(width, goal_x, along);
+  const double step_x = 1.0 / static_cast<double>(width - 1);
+  const double in_x = place_in_line(node(column), node(column + 1), (goal_x - along(column)) / step_x);
+  return {(static_cast<double>(column) + in_x) * step_x, (static_cast<double>(row) + in_y) * step_y};
+}
+
+}  // namespace scatter::reflectance

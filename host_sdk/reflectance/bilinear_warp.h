@@ -1,0 +1,89 @@
+// Distributions on the unit square that are bilinear between nodes, and the warps that they define.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace scatter::reflectance {
+
+/// Tables of one size, each bilinear between its nodes: node (row, column) stands at
+/// (x, y) = (column / (width - 1), row / (height - 1)).
+struct BilinearTables {
+  std::size_t width = 0;      ///< At least 2.
+  std::size_t height = 0;     ///< At least 2.
+  std::vector<float> values;  ///< [table][row][column]
+
+  [[nodiscard]] std::size_t size() const noexcept { return width * height; }
+};
+
+/// Mix of up to four tables; weights are 0..1 and sum to 1.
+struct TableMix {
+  std::array<std::size_t, 4> table{};
+  std::array<double, 4> weight{};
+  std::size_t count = 0;
+};
+
+/// Position on the unit square.
+struct SquarePoint {
+  double x = 0;
+  double y = 0;
+};
+
+/// The four nodes around a point and their shares.
+struct BilinearCell {
+  std::size_t node = 0;  ///< Of the corner with the smaller x and y.
+  double x = 0;          ///< Place in the cell, 0..1.
+  double y = 0;
+};
+
+/// Cell of a point; the point is clamped to the square.
+[[nodiscard]] BilinearCell cell_at(std::size_t width, std::size_t height, const SquarePoint& at) noexcept;
+
+/// Value of one table. values: its first node; all `width * height` nodes follow.
+[[nodiscard]] inline double bilinear(const float* values, std::size_t width,
+                                     const BilinearCell& cell) noexcept {
+  const float* v = values + cell.node;
+  const double low = (1 - cell.x) * static_cast<double>(v[0]) + cell.x * static_cast<double>(v[1]);
+  const double high =
+      (1 - cell.x) * static_cast<double>(v[width]) + cell.x * static_cast<double>(v[width + 1]);
+  return (1 - cell.y) * low + cell.y * high;
+}
+
+/// Warps uniform points into points distributed as a mix of normalised tables, and back: first the
+/// row (marginal of y), then the place in it (conditional of x).
+///
+/// Threads   const functions may be called from any number of threads.
+/// Cost      one walk over the tables to build; a few reads per `invert`, two binary searches per
+///           `sample`.
+/// Source    Dupuy and Jakob 2018, section 4.3 (bilinear interpolants instead of constant cells).
+class BilinearWarp {
+ public:
+  BilinearWarp() = default;
+  /// Range  values finite; negative ones count as 0. A table that is 0 everywhere has density 0.
+  explicit BilinearWarp(BilinearTables tables);
+
+  [[nodiscard]] const BilinearTables& tables() const noexcept { return tables_; }
+  [[nodiscard]] std::size_t count() const noexcept { return scale_.size(); }
+
+  /// Probability per unit area of the square at a point.
+  [[nodiscard]] double density(const SquarePoint& at, const TableMix& mix) const noexcept;
+  /// The uniform point that `sample` takes to `at`. Rows without density give x = 0.
+  [[nodiscard]] SquarePoint invert(const SquarePoint& at, const TableMix& mix) const noexcept;
+  /// The point whose cumulated shares are `uniform`.
+  [[nodiscard]] SquarePoint sample(const SquarePoint& uniform, const TableMix& mix) const noexcept;
+
+ private:
+  /// Integral along a row from 0 to a node, mixed.
+  [[nodiscard]] double row_up_to(std::size_t row, std::size_t column, const TableMix& mix) const noexcept;
+  [[nodiscard]] double rows_up_to(std::size_t row, const TableMix& mix) const noexcept;
+  [[nodiscard]] double value(std::size_t row, std::size_t column, const TableMix& mix) const noexcept;
+
+  BilinearTables tables_;
+  std::vector<float> conditional_;  ///< [table][row][column]: integral along the row up to the column.
+  std::vector<float> marginal_;     ///< [table][row]: integral over the square up to the row.
+  std::vector<double> scale_;       ///< [table]: 1 / integral over the square; 0 where that is 0.
+};
+
+}  // namespace scatter::reflectance
