@@ -1,0 +1,23 @@
+// Bulk construction of a tree. Internal to search/.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "host_sdk/reflectance/search/tree.h"
+
+namespace scatter::search {
+
+/// Leaves of at most 32 neighbouring points and about 28 on average, all at one depth.
+/// Range  finite points; ids.size() == points.size(), or empty for 0, 1, 2, ...
+[[nodiscard]] Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> ids);
+
+/// The same entries in a tree built in bulk.
+void rebuild(Tree& tree);
+
+/// Smallest box around a leaf's points.
+[[nodiscard]] Box box_of(const Leaf& leaf) noexcept;
+/// Smallest box around a node's children.
+[[nodiscard]] Box box_of(const Node& node) noexcept;
+
+}  // namespace scatter::search
