@@ -24,21 +24,22 @@ using reflectance::SpecularGridBrdf;
 constexpr double kSameAngle = 1e-6;
 constexpr std::size_t kMostNodes = 50'000'000;
 
-/// One channel of a BRDF that is no grid.
-class ChannelOf final : public Brdf {
+/// Some channels of a BRDF that is no grid.
+class SomeChannels final : public Brdf {
  public:
-  ChannelOf(const Brdf& brdf, std::size_t channel) : brdf_(brdf), channel_(channel) {}
-  [[nodiscard]] ScatterType type() const noexcept override { return brdf_.type(); }
-  [[nodiscard]] std::size_t channels() const noexcept override { return 1; }
-  [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
-    const auto all = brdf_.wavelengths_nm();
-    return all.empty() ? all : all.subspan(channel_, 1);
+  SomeChannels(const Brdf& brdf, std::vector<std::size_t> chosen) : brdf_(brdf), chosen_(std::move(chosen)) {
+    for (std::size_t k = 0; k < chosen_.size() && !brdf.wavelengths_nm().empty(); ++k) {
+      wavelengths_nm_.push_back(brdf.wavelengths_nm()[chosen_[k]]);
+    }
   }
+  [[nodiscard]] ScatterType type() const noexcept override { return brdf_.type(); }
+  [[nodiscard]] std::size_t channels() const noexcept override { return chosen_.size(); }
+  [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override { return wavelengths_nm_; }
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override {
     std::vector<double> all(brdf_.channels());
     const Origin origin = brdf_.eval(omega_i, omega_o, all);
-    f_per_sr[0] = all[channel_];
+    choose(all, f_per_sr);
     return origin;
   }
   [[nodiscard]] bool uncertainty(const Direction& omega_i, const Direction& omega_o,
@@ -49,8 +50,8 @@ class ChannelOf final : public Brdf {
     if (!brdf_.uncertainty(omega_i, omega_o, random, systematic)) {
       return false;
     }
-    random_per_sr[0] = random[channel_];
-    systematic_per_sr[0] = systematic[channel_];
+    choose(random, random_per_sr);
+    choose(systematic, systematic_per_sr);
     return true;
   }
   void eval_batch(const Direction& omega_i, std::span<const Direction> omega_o, std::span<double> f_per_sr,
@@ -58,20 +59,32 @@ class ChannelOf final : public Brdf {
     std::vector<double> all(brdf_.channels() * omega_o.size());
     brdf_.eval_batch(omega_i, omega_o, all, origin);
     for (std::size_t k = 0; k < omega_o.size(); ++k) {
-      f_per_sr[k] = all[k * brdf_.channels() + channel_];
+      choose(std::span(all).subspan(k * brdf_.channels()), f_per_sr.subspan(k * chosen_.size()));
     }
   }
 
  private:
+  void choose(std::span<const double> all, std::span<double> out) const noexcept {
+    for (std::size_t c = 0; c < chosen_.size(); ++c) {
+      out[c] = all[chosen_[c]];
+    }
+  }
+
   const Brdf& brdf_;
-  std::size_t channel_;
+  std::vector<std::size_t> chosen_;
+  std::vector<float> wavelengths_nm_;
 };
 
 template <typename T>
-void keep_only(std::vector<T>& list, std::size_t index) {
-  if (!list.empty()) {
-    list = {std::move(list[index])};
+void keep_only(std::vector<T>& list, const std::vector<std::size_t>& chosen) {
+  if (list.empty()) {
+    return;
   }
+  std::vector<T> out;
+  for (const std::size_t index : chosen) {
+    out.push_back(list[index]);
+  }
+  list = std::move(out);
 }
 
 template <typename T>
@@ -81,6 +94,14 @@ std::shared_ptr<const T> borrowed(const T& object) {
 
 template <typename T>
 Result<std::shared_ptr<const T>> shared(Result<T> made) {
+  if (!made) {
+    return std::unexpected(std::move(made.error()));
+  }
+  return std::make_shared<const T>(std::move(*made));
+}
+
+template <typename T>
+Result<std::shared_ptr<const Brdf>> as_brdf(Result<T> made) {
   if (!made) {
     return std::unexpected(std::move(made.error()));
   }
@@ -334,47 +355,49 @@ Result<std::shared_ptr<const SpecularGridBrdf>> specular_grid(const Brdf& brdf,
   return shared(SpecularGridBrdf::make(std::move(content)));
 }
 
-Result<std::shared_ptr<const Brdf>> one_channel(const Brdf& brdf, std::size_t channel) {
-  if (channel >= brdf.channels()) {
-    return fail(ErrorCode::kInvalidArgument,
-                fmt::format("channel {}, but the data have {}", channel, brdf.channels()),
-                fmt::format("choose a channel 0..{}", brdf.channels() - 1));
+Result<std::shared_ptr<const Brdf>> only_channels(const Brdf& brdf, const std::vector<std::size_t>& chosen) {
+  for (const std::size_t channel : chosen) {
+    if (channel >= brdf.channels()) {
+      return fail(ErrorCode::kInvalidArgument,
+                  fmt::format("channel {}, but the data have {}", channel, brdf.channels()),
+                  fmt::format("choose a channel 0..{}", brdf.channels() - 1));
+    }
   }
   if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {
     GridBrdf::Content content = grid->content();
-    content.channels = 1;
-    keep_only(content.wavelengths_nm, channel);
+    content.channels = chosen.size();
+    keep_only(content.wavelengths_nm, chosen);
     for (auto& part : content.parts) {
-      keep_only(part.f_per_sr, channel);
-      keep_only(part.random_per_sr, channel);
-      keep_only(part.systematic_per_sr, channel);
+      keep_only(part.f_per_sr, chosen);
+      keep_only(part.random_per_sr, chosen);
+      keep_only(part.systematic_per_sr, chosen);
     }
-    auto made = shared(GridBrdf::make(std::move(content)));
-    return made ? Result<std::shared_ptr<const Brdf>>(*made) : std::unexpected(made.error());
+    return as_brdf(GridBrdf::make(std::move(content)));
   }
   if (const auto* specular = dynamic_cast<const SpecularGridBrdf*>(&brdf)) {
     SpecularGridBrdf::Content content = specular->content();
-    keep_only(content.wavelengths_nm, channel);
-    keep_only(content.f_per_sr, channel);
-    keep_only(content.sigma_per_sr, channel);
-    keep_only(content.stated_total, channel);
-    auto made = shared(SpecularGridBrdf::make(std::move(content)));
-    return made ? Result<std::shared_ptr<const Brdf>>(*made) : std::unexpected(made.error());
+    keep_only(content.wavelengths_nm, chosen);
+    keep_only(content.f_per_sr, chosen);
+    keep_only(content.sigma_per_sr, chosen);
+    keep_only(content.stated_total, chosen);
+    return as_brdf(SpecularGridBrdf::make(std::move(content)));
   }
   if (const auto* list = dynamic_cast<const SampleListBrdf*>(&brdf)) {
     reflectance::ScatteredSamples samples = list->samples();
-    const std::size_t channels = std::exchange(samples.channels, 1);
-    keep_only(samples.wavelengths_nm, channel);
+    const std::size_t channels = std::exchange(samples.channels, chosen.size());
+    keep_only(samples.wavelengths_nm, chosen);
     for (auto* values : {&samples.f_per_sr, &samples.random_per_sr, &samples.systematic_per_sr}) {
-      for (std::size_t s = 0; s < values->size() / channels; ++s) {
-        (*values)[s] = (*values)[s * channels + channel];
+      std::vector<float> out;
+      for (std::size_t s = 0; s < values->size(); s += channels) {
+        for (const std::size_t channel : chosen) {
+          out.push_back((*values)[s + channel]);
+        }
       }
-      values->resize(values->size() / channels);
+      *values = std::move(out);
     }
-    auto made = shared(SampleListBrdf::make(std::move(samples)));
-    return made ? Result<std::shared_ptr<const Brdf>>(*made) : std::unexpected(made.error());
+    return as_brdf(SampleListBrdf::make(std::move(samples)));
   }
-  return std::make_shared<const ChannelOf>(brdf, channel);
+  return std::make_shared<const SomeChannels>(brdf, chosen);
 }
 
 }  // namespace scatter::formats

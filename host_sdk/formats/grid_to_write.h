@@ -37,9 +37,9 @@ using Metadata = std::map<std::string, std::string>;
 [[nodiscard]] Result<std::shared_ptr<const reflectance::SpecularGridBrdf>> specular_grid(
     const reflectance::Brdf& brdf, const EncodeOptions& options);
 
-/// The same data with one channel only, metadata and all. `brdf` must outlive the result.
+/// The same data with these channels only, metadata and all. `brdf` must outlive the result.
 /// Errors  kInvalidArgument: no such channel.
-[[nodiscard]] Result<std::shared_ptr<const reflectance::Brdf>> one_channel(const reflectance::Brdf& brdf,
-                                                                           std::size_t channel);
+[[nodiscard]] Result<std::shared_ptr<const reflectance::Brdf>> only_channels(
+    const reflectance::Brdf& brdf, const std::vector<std::size_t>& chosen);
 
 }  // namespace scatter::formats

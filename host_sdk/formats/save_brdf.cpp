@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
@@ -13,6 +15,7 @@
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
 #include "host_sdk/formats/text_scanner.h"
+#include "host_sdk/formats/zemax.h"
 
 namespace scatter::formats {
 namespace {
@@ -43,15 +46,42 @@ Bytes exr_tiles(const Brdf& brdf, const EncodeOptions& options) {
                                  .method = options.method.empty() ? "measured" : options.method});
 }
 
+Bytes zemax(const Brdf& brdf, const EncodeOptions& options) {
+  const auto grid = specular_grid(brdf, options);
+  return grid ? encode_zemax(**grid, {.digits = options.digits, .rgb_sections = options.rgb_sections})
+              : Bytes(std::unexpected(grid.error()));
+}
+
 /// One line per format that can be written; the first of an extension is its default.
 constexpr std::array kWriters{
     Writer{Format::kNativeExr, "exr", ".exr", "OpenEXR grid about the normal, lossless (.exr)",
-           "nothing of a grid about the normal; other data are sampled on one", native_exr},
+           "nothing of a grid about the normal; other data are sampled on one", false, native_exr},
     Writer{Format::kExrTiles, "tiles", ".exr", "OpenEXR, one tile per incidence, for shaders (.exr)",
-           "nodes move to texel centres, half floats, random and systematic uncertainty in one", exr_tiles},
+           "nodes move to texel centres, half floats, random and systematic uncertainty in one", true,
+           exr_tiles},
+    Writer{Format::kZemax, "zemax", ".bsdf", "Zemax tabular BSDF, text (.bsdf)",
+           "nodes move to a grid about the specular direction, four digits (seven of XYZ), uncertainty", true,
+           zemax},
     Writer{Format::kMiniDiff, "minidiff", ".bsdf", "MiniDiff / LightTools BSDF, text (.bsdf)",
-           "uncertainty, digits beyond the seventh", minidiff},
+           "uncertainty, digits beyond the seventh", false, minidiff},
 };
+
+/// Channels nearest to red, green and blue, as the instrument's light-emitting diodes are.
+Result<std::vector<std::size_t>> colour_channels(const Brdf& brdf) {
+  const auto wavelengths = brdf.wavelengths_nm();
+  if (wavelengths.empty()) {
+    return fail(ErrorCode::kInvalidArgument,
+                fmt::format("{} channels without wavelengths, the format has one or three", brdf.channels()),
+                "choose one channel");
+  }
+  std::vector<std::size_t> out;
+  for (const float wanted : {630.0F, 525.0F, 465.0F}) {
+    const auto nearest = std::ranges::min_element(
+        wavelengths, {}, [wanted](float wavelength) { return std::abs(wavelength - wanted); });
+    out.push_back(static_cast<std::size_t>(nearest - wavelengths.begin()));
+  }
+  return out;
+}
 
 std::string words() {
   std::string text;
@@ -98,11 +128,21 @@ Result<std::string> encode_brdf(const Brdf& brdf, const Writer& writer, const En
     return fail(ErrorCode::kInvalidArgument, fmt::format("{} digits, expected 1..17", options.digits),
                 "leave it out or choose 4 to 9");
   }
-  if (!options.channel) {
+  std::vector<std::size_t> chosen;
+  if (options.channel) {
+    chosen = {*options.channel};
+  } else if (writer.only_colours && brdf.channels() != 1 && brdf.channels() != 3) {
+    auto nearest = colour_channels(brdf);
+    if (!nearest) {
+      return std::unexpected(nearest.error());
+    }
+    chosen = std::move(*nearest);
+  }
+  if (chosen.empty()) {
     return writer.encode(brdf, options);
   }
-  const auto one = one_channel(brdf, *options.channel);
-  return one ? writer.encode(**one, options) : Bytes(std::unexpected(one.error()));
+  const auto some = only_channels(brdf, chosen);
+  return some ? writer.encode(**some, options) : Bytes(std::unexpected(some.error()));
 }
 
 Status save_brdf(const Brdf& brdf, const std::filesystem::path& path, const Writer& writer,

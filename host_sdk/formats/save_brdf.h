@@ -30,8 +30,8 @@ struct EncodeOptions {
   std::optional<std::size_t> channel = {};
   /// Significant digits of text formats, 1..17; 0: what the format usually has.
   int digits = 0;
-  /// Zemax: three channels as tristimulus values (XYZ) instead of as they are (RGB).
-  bool tristimulus = false;
+  /// Zemax: three channels as they are (SpectralContent RGB) instead of as tristimulus values.
+  bool rgb_sections = false;
   /// EXR tiles: half instead of float.
   bool half_precision = true;
   std::size_t tile_width = 360;
@@ -50,6 +50,9 @@ struct Writer {
   std::string_view extension;  ///< ".bsdf"
   std::string_view meaning;    ///< "Zemax tabular BSDF, text (.bsdf)"
   std::string_view losses;     ///< What does not survive: one line.
+  /// The format has one channel or three: of other data encode_brdf takes those nearest 630, 525
+  /// and 465 nm, in that order.
+  bool only_colours = false;
   /// File image. Deterministic: the same BRDF and options give the same bytes.
   Result<std::string> (*encode)(const reflectance::Brdf& brdf, const EncodeOptions& options) = nullptr;
 };
@@ -62,7 +65,8 @@ struct Writer {
 /// By extension, whatever its case. Errors  kInvalidArgument naming the extensions there are.
 [[nodiscard]] Result<const Writer*> writer_for(const std::filesystem::path& path);
 
-/// Errors  those of the writer; kInvalidArgument: an option out of its range;
+/// Errors  those of the writer; kInvalidArgument: an option out of its range, or channels without
+///         wavelengths that are neither one nor three for a format of colours;
 ///         kFailedPrecondition: scattered samples for a format that needs a grid.
 [[nodiscard]] Result<std::string> encode_brdf(const reflectance::Brdf& brdf, const Writer& writer,
                                               const EncodeOptions& options = {});

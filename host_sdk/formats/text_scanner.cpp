@@ -6,19 +6,12 @@
 #include <charconv>
 #include <cmath>
 
+#include "host_sdk/formats/decimal.h"
+
 namespace scatter::formats {
 namespace {
 
-bool is_blank(char c) noexcept {
-  return c == ' ' || c == '\t' || c == '\r' || c == '\f' || c == '\v';
-}
-
-const char* word_end(const char* at, const char* end) noexcept {
-  while (at != end && !is_blank(*at) && *at != '\n') {
-    ++at;
-  }
-  return at;
-}
+constexpr std::size_t kForeignComments = 100;
 
 char lower(char c) noexcept {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
@@ -40,30 +33,32 @@ bool same_word(std::string_view a, std::string_view b) noexcept {
 }
 
 TextScanner::TextScanner(std::string_view text, std::string_view name)
-    : at_(text.data()), end_(text.data() + text.size()), name_(name) {
+    : start_(text.data()), at_(text.data()), end_(text.data() + text.size()), name_(name) {
   if (text.starts_with("\xEF\xBB\xBF")) {
     at_ += 3;
   }
 }
 
-void TextScanner::skip() {
-  while (at_ != end_) {
-    if (*at_ == '\n') {
-      ++line_;
-      ++at_;
-    } else if (is_blank(*at_)) {
-      ++at_;
-    } else if (*at_ == '#') {
-      at_ = std::find(at_, end_, '\n');
-    } else {
-      return;
-    }
+void TextScanner::skip_comment() {
+  const char* stop = std::find_if(at_, end_, [](char c) { return c == '\n' || c == '\r'; });
+  const std::string_view comment(at_, stop);
+  if (comments_.size() < kForeignComments || comment.starts_with(kKeptPrefix)) {
+    comments_.push_back(comment);
   }
+  at_ = stop;
+}
+
+std::size_t TextScanner::line() const noexcept {
+  std::size_t lines = 1;
+  for (const char* c = start_; c != at_; ++c) {
+    lines += *c == '\n' || (*c == '\r' && (c + 1 == end_ || c[1] != '\n')) ? 1 : 0;
+  }
+  return lines;
 }
 
 std::string_view TextScanner::peek() {
   skip();
-  return {at_, word_end(at_, end_)};
+  return {at_, std::find_if(at_, end_, is_blank)};
 }
 
 std::string_view TextScanner::take() {
@@ -73,7 +68,7 @@ std::string_view TextScanner::take() {
 }
 
 std::string_view TextScanner::take_line() {
-  const char* stop = std::find(at_, end_, '\n');
+  const char* stop = std::find_if(at_, end_, [](char c) { return c == '\n' || c == '\r'; });
   std::string_view line(at_, stop);
   at_ = stop;
   while (!line.empty() && is_blank(line.front())) {
@@ -93,11 +88,29 @@ bool TextScanner::take_if(std::string_view word) {
   return true;
 }
 
+Result<std::size_t> TextScanner::keyword(std::span<const std::string_view> keywords, std::span<bool> seen,
+                                         std::string_view otherwise) {
+  const std::string_view word = peek();
+  std::size_t key = 0;
+  while (key < keywords.size() && !same_word(keywords[key], word)) {
+    ++key;
+  }
+  if (key == keywords.size()) {
+    return expected(fmt::format("a keyword of the header or {}", otherwise));
+  }
+  if (seen[key]) {
+    return error(fmt::format("{} is there twice", keywords[key]));
+  }
+  seen[key] = true;
+  at_ += word.size();
+  return key;
+}
+
 bool TextScanner::parse(double& value) {
   skip();
   const char* start = at_ != end_ && *at_ == '+' ? at_ + 1 : at_;
   const auto [stop, error] = std::from_chars(start, end_, value);
-  if (error != std::errc{} || !std::isfinite(value) || (stop != end_ && !is_blank(*stop) && *stop != '\n')) {
+  if (error != std::errc{} || !std::isfinite(value) || (stop != end_ && !is_blank(*stop))) {
     return false;
   }
   at_ = stop;
@@ -114,14 +127,18 @@ Result<double> TextScanner::number(std::string_view what) {
 
 Status TextScanner::numbers(std::string_view what, std::span<float> out) {
   for (std::size_t k = 0; k < out.size(); ++k) {
-    double value = 0;
-    if (!parse(value)) {
+    skip();
+    float value = 0;
+    const char* stop = parse_decimal(at_, end_, value);
+    if (stop == nullptr || (stop != end_ && !is_blank(*stop))) {
       return expected(fmt::format("{} {} of {} (a number)", what, k + 1, out.size()));
     }
-    out[k] = static_cast<float>(value);
-    if (!std::isfinite(out[k])) {
-      return error(fmt::format("{} {} is {}, too large for a 32-bit float", what, k + 1, value));
+    if (!std::isfinite(value)) {
+      return error(fmt::format("{} {} is {}, too large for a 32-bit float", what, k + 1,
+                               printable(std::string_view(at_, stop))));
     }
+    out[k] = value;
+    at_ = stop;
   }
   return {};
 }
@@ -155,7 +172,7 @@ Result<std::vector<double>> TextScanner::list(std::string_view what, std::size_t
 }
 
 std::unexpected<Error> TextScanner::error(std::string_view what) const {
-  return fail(ErrorCode::kDataLoss, fmt::format("{}: line {}: {}", name_, line_, what),
+  return fail(ErrorCode::kDataLoss, fmt::format("{}: line {}: {}", name_, line(), what),
               "export the file again or correct this line");
 }
 

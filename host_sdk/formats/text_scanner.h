@@ -12,7 +12,7 @@
 namespace scatter::formats {
 
 /// Cuts text at blanks and line ends; "#" at the start of a word begins a comment up to the end
-/// of the line. Accepts LF, CRLF and a byte-order mark. Views point into the caller's text.
+/// of the line. Accepts LF, CRLF, CR and a byte-order mark. Views point into the caller's text.
 class TextScanner {
  public:
   TextScanner(std::string_view text, std::string_view name);
@@ -26,9 +26,16 @@ class TextScanner {
   /// Case does not matter.
   bool take_if(std::string_view word);
 
+  /// Takes a keyword of a header and returns its index; each may come once.
+  /// Errors  kDataLoss: another word ("expected a keyword of the header or `otherwise`"), or a
+  ///         keyword that `seen` (one per keyword, set here) has already.
+  [[nodiscard]] Result<std::size_t> keyword(std::span<const std::string_view> keywords, std::span<bool> seen,
+                                            std::string_view otherwise);
+
   /// Finite numbers; a sign "+" is allowed.
   /// Errors  kDataLoss: line, expected, found.
   [[nodiscard]] Result<double> number(std::string_view what);
+  /// Correctly rounded (decimal.h); too small for a float is 0.
   [[nodiscard]] Status numbers(std::string_view what, std::span<float> out);
   /// A count 1..limit whose items, of two bytes at least, can still follow.
   [[nodiscard]] Result<std::size_t> count(std::string_view what, std::size_t limit);
@@ -36,19 +43,41 @@ class TextScanner {
   [[nodiscard]] Result<std::vector<double>> list(std::string_view what, std::size_t limit);
 
   [[nodiscard]] std::size_t remaining() const noexcept { return static_cast<std::size_t>(end_ - at_); }
+  /// Comments passed so far, with their "#", without the line end: those that begin with
+  /// kKeptPrefix, and the first hundred others.
+  [[nodiscard]] const std::vector<std::string_view>& comments() const noexcept { return comments_; }
+  static constexpr std::string_view kKeptPrefix = "# scatter.";
+
   /// "file.bsdf: line 12: what".
   [[nodiscard]] std::unexpected<Error> error(std::string_view what) const;
   /// The same with "expected ..., found ..." of the next word.
   [[nodiscard]] std::unexpected<Error> expected(std::string_view what);
 
  private:
-  void skip();
+  void skip() {
+    while (at_ != end_ && static_cast<unsigned char>(*at_) <= '#') {
+      if (*at_ == '#') {
+        skip_comment();
+      } else if (is_blank(*at_)) {
+        ++at_;
+      } else {
+        return;
+      }
+    }
+  }
+  static bool is_blank(char c) noexcept {
+    return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\f' || c == '\v';
+  }
+  void skip_comment();
   [[nodiscard]] bool parse(double& value);
+  /// Lines are counted when somebody asks: not once per value.
+  [[nodiscard]] std::size_t line() const noexcept;
 
+  const char* start_;
   const char* at_;
   const char* end_;
   std::string_view name_;
-  std::size_t line_ = 1;
+  std::vector<std::string_view> comments_;
 };
 
 /// ASCII comparison without case.
