@@ -51,7 +51,7 @@ enum class Standing : std::uint8_t {
 
 struct FitParameter {
   static constexpr std::size_t kShared = std::numeric_limits<std::size_t>::max();
-  std::string name;               ///< Key of the model spec: "alpha", "f0", "albedo", "ks", ...
+  std::string name = {};          ///< Key of the model spec: "alpha", "f0", "albedo", "ks", ...
   std::size_t channel = kShared;  ///< kShared: the same for all channels.
   double value = 0;
   double sigma = 0;   ///< Standard uncertainty from the scatter of the residuals.
@@ -73,19 +73,21 @@ struct IncidenceLoss {
 };
 
 struct FitResult {
-  FitFamily family;
-  std::shared_ptr<const FittedBrdf> model;
+  FitFamily family = {};
+  std::shared_ptr<const FittedBrdf> model = {};
   /// Text that make_model turns into the same BRDF; empty with other channel counts than 1 and 3.
-  std::string spec;
-  std::vector<FitParameter> parameters;
+  std::string spec = {};
+  std::vector<FitParameter> parameters = {};  ///< Shared ones first, then channel after channel.
+  /// Covariance of the parameters, row after row; empty when there are more than 64.
+  std::vector<double> covariance = {};
   double rms_residual = 0;  ///< Over all samples and channels, weighted as fitted.
   double mean_relative_error = 0;
   /// kUncertainty only: sum of squared residuals over degrees of freedom; 1 when the model is right.
-  std::optional<double> reduced_chi_square;
-  std::vector<IncidenceLoss> incidences;
+  std::optional<double> reduced_chi_square = {};
+  std::vector<IncidenceLoss> incidences = {};
   std::size_t samples = 0;
   /// Sentences about what cannot be trusted: parameters at bounds, invisible lobes, ....
-  std::vector<std::string> remarks;
+  std::vector<std::string> remarks = {};
 };
 
 /// Fits one family.
@@ -108,18 +110,18 @@ struct FitResult {
 
 /// Cross-validation of one family.
 struct FamilyScore {
-  FitFamily family;
+  FitFamily family = {};
   std::size_t parameters = 0;
   /// Root mean square of the held-back incidences' residuals (rms_residual, each incidence alike).
   double rms_residual = 0;
-  double mean_relative_error = 0;          ///< Of the held-back incidences.
-  std::vector<double> incidence_residual;  ///< rms_residual when that incidence was held back.
-  std::string failure;                     ///< Not empty: it could not be fitted, and why.
+  double mean_relative_error = 0;               ///< Of the held-back incidences.
+  std::vector<double> incidence_residual = {};  ///< rms_residual when that incidence was held back.
+  std::string failure = {};                     ///< Not empty: it could not be fitted, and why.
 };
 
 struct Selection {
-  FitResult best;                   ///< Fitted to all samples.
-  std::vector<FamilyScore> scores;  ///< As tried; the smallest rms_residual won.
+  FitResult best = {};                   ///< Fitted to all samples.
+  std::vector<FamilyScore> scores = {};  ///< As tried; the smallest rms_residual won.
 };
 
 struct SelectOptions {

@@ -23,7 +23,7 @@ enum class FitLobe : std::uint8_t { kGgx, kBeckmann, kCookTorrance, kWard, kLafo
 /// Base plus at most two lobes, or the Disney model (2012: base colour, metallic, roughness, specular).
 struct FitFamily {
   FitBase base = FitBase::kLambert;
-  std::vector<FitLobe> lobes;
+  std::vector<FitLobe> lobes = {};
   bool disney = false;  ///< Base and lobes do not apply.
 
   friend bool operator==(const FitFamily&, const FitFamily&) = default;

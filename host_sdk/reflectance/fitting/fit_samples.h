@@ -7,6 +7,7 @@
 #include "host_sdk/error/error.h"
 #include "host_sdk/reflectance/albedo.h"
 #include "host_sdk/reflectance/brdf.h"
+#include "host_sdk/reflectance/scattered_samples.h"
 
 namespace scatter::reflectance {
 
@@ -22,12 +23,12 @@ struct FitSamples {
     std::size_t count = 0;  ///< Number of its samples.
   };
   std::size_t channels = 3;
-  std::vector<float> wavelengths_nm;  ///< One per channel, or empty.
-  std::vector<Incidence> incidences;
-  std::vector<Direction> omega_o;      ///< One per sample, z > 0.
-  std::vector<double> f_per_sr;        ///< [sample * channels + channel]
-  std::vector<double> sigma_per_sr;    ///< Standard uncertainty, as f_per_sr; empty: unknown.
-  std::vector<double> solid_angle_sr;  ///< What a sample stands for, one per sample, > 0.
+  std::vector<float> wavelengths_nm = {};  ///< One per channel, or empty.
+  std::vector<Incidence> incidences = {};
+  std::vector<Direction> omega_o = {};      ///< One per sample, z > 0.
+  std::vector<double> f_per_sr = {};        ///< [sample * channels + channel]
+  std::vector<double> sigma_per_sr = {};    ///< Standard uncertainty, as f_per_sr; empty: unknown.
+  std::vector<double> solid_angle_sr = {};  ///< What a sample stands for, one per sample, > 0.
 
   [[nodiscard]] std::size_t size() const noexcept { return omega_o.size(); }
 };
@@ -46,6 +47,12 @@ struct GatherOptions {
 /// the nodes of the default GridLayout.
 /// Errors    kInvalidArgument: BTDF; kFailedPrecondition: no usable node.
 [[nodiscard]] Result<FitSamples> gather(const Brdf& brdf, const GatherOptions& options = {});
+
+/// The usable ones among loose samples, those of equal omega_i (to 1e-6) as one incidence. Their
+/// solid angles are unknown: each stands for an equal part of the hemisphere. total uncertainty =
+/// root of the sum of both squares.
+/// Errors    as above, and of check(ScatteredSamples).
+[[nodiscard]] Result<FitSamples> gather(const ScatteredSamples& samples, const GatherOptions& options = {});
 
 /// About `wanted` of the samples, chosen as in GatherOptions; all when there are no more.
 [[nodiscard]] FitSamples thinned(const FitSamples& samples, std::size_t wanted);

@@ -15,11 +15,11 @@ class FittedBrdf final : public Brdf {
  public:
   /// f_c = sum over terms j of coefficient[c * terms + j] * term_j(shape) + rest(shape).
   struct Parameters {
-    FitFamily family;
-    std::vector<double> shape;        ///< As shape_parameters(family) lists them.
-    std::vector<double> coefficient;  ///< [channel * coefficients_per_channel(family) + term]
+    FitFamily family = {};
+    std::vector<double> shape = {};        ///< As shape_parameters(family) lists them.
+    std::vector<double> coefficient = {};  ///< [channel * coefficients_per_channel(family) + term]
     std::size_t channels = 3;
-    std::vector<float> wavelengths_nm;  ///< One per channel, or empty.
+    std::vector<float> wavelengths_nm = {};  ///< One per channel, or empty.
   };
   explicit FittedBrdf(Parameters parameters);
 
