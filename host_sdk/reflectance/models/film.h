@@ -1,14 +1,14 @@
 // A transmitting film that scatters part of the light.
 #pragma once
 
-#include "host_sdk/reflectance/brdf.h"
 #include "host_sdk/reflectance/models/model_channels.h"
+#include "host_sdk/reflectance/models/sampled_brdf.h"
 
 namespace scatter::reflectance {
 
 /// BTDF of a hazy film: transmittance * haze / pi [1/sr], Lambertian below the surface, plus a
-/// Dirac component of transmittance * (1 - haze) that goes straight on. Implements `Brdf`.
-class Film final : public Brdf {
+/// Dirac component of transmittance * (1 - haze) that goes straight on. Implements `SampledBrdf`.
+class Film final : public SampledBrdf {
  public:
   struct Parameters {
     ChannelValues transmittance{0, 0, 0};  ///< Total, 0..1.
@@ -27,8 +27,14 @@ class Film final : public Brdf {
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override;
   [[nodiscard]] bool dirac(const Direction& omega_i, std::span<double> weight) const noexcept override;
+  [[nodiscard]] DrawnDirection sample(const Direction& omega_i, const SampleInput& u,
+                                      std::span<double> throughput) const noexcept override;
+  [[nodiscard]] double pdf(const Direction& omega_i, const Direction& omega_o) const noexcept override;
 
  private:
+  /// Probability that `sample` goes straight on: that share of the light, all channels together.
+  [[nodiscard]] double straight_share() const noexcept;
+
   Parameters parameters_;
 };
 

@@ -4,11 +4,9 @@
 #include <cmath>
 #include <vector>
 
-#include "host_sdk/reflectance/models/ggx.h"
 #include "host_sdk/reflectance/models/model_spec.h"
 
 using namespace scatter::reflectance;
-using scatter::ErrorCode;
 
 namespace {
 
@@ -122,41 +120,5 @@ TEST_CASE("A batch equals single evaluations") {
       REQUIRE(model->eval(i, directions[k], f) == origin[k]);
       REQUIRE(std::ranges::equal(f, std::span(all).subspan(3 * k, 3)));
     }
-  }
-}
-
-TEST_CASE("Specs accept a positional first value, defaults and colours") {
-  const auto ggx = make_model("ggx:0.1/0.2/0.3,albedo=0.3").value();
-  const auto* as_ggx = dynamic_cast<const Ggx*>(ggx.get());
-  REQUIRE(as_ggx != nullptr);
-  REQUIRE(as_ggx->parameters().alpha == ChannelValues{0.1, 0.2, 0.3});
-  REQUIRE(as_ggx->parameters().f0 == uniform(0.04));
-  REQUIRE(as_ggx->parameters().albedo == uniform(0.3));
-  REQUIRE(is_model_spec("ggx:nonsense"));
-  REQUIRE_FALSE(is_model_spec("ggx"));
-  REQUIRE_FALSE(is_model_spec("file:ggx"));
-}
-
-TEST_CASE("A wrong spec is refused with the key, its range and the models") {
-  struct Case {
-    const char* spec;
-    const char* says;
-  };
-  for (const auto& [spec, says] :
-       {Case{"ggx:alpha=2", "alpha is '2', expected 0.001..1"}, Case{"ggx:alpha=nan", "alpha is 'nan'"},
-        Case{"ggx:f0=0.1", "alpha is missing (0.001..1)"}, Case{"ggx:alpha=0.1,alpha=0.2", "given twice"},
-        Case{"ggx:alpha=0.1,beta=3", "unknown key 'beta', expected alpha, f0, albedo"},
-        Case{"ggx:alpha=0.1,", "comma"}, Case{"lambertian:", "albedo is missing"},
-        Case{"lambertian:0.5x", "albedo is '0.5x'"}, Case{"lambertian:0.5/0.5", "albedo is"},
-        Case{"lambertian:0.1/0.2/0.3/0.4", "albedo is"}, Case{"lambertian:0.5/", "albedo is"},
-        Case{"lambertian:1.01", "expected 0..1"}, Case{"film:0.6", "haze is missing"},
-        Case{"mirror:1", "unknown model"}, Case{"", "unknown model"}, Case{"ggx:alpha", "alpha is 'alpha'"},
-        Case{"ggx:,alpha=0.1", "alpha is ''"}}) {
-    CAPTURE(spec);
-    const auto model = make_model(spec);
-    REQUIRE_FALSE(model.has_value());
-    CHECK(model.error().code == ErrorCode::kInvalidArgument);
-    CHECK(model.error().what.find(says) != std::string::npos);
-    CHECK(model.error().remedy.find("lambertian:ALBEDO, ggx:") != std::string::npos);
   }
 }

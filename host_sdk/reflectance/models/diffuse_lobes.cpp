@@ -1,0 +1,73 @@
+#include "host_sdk/reflectance/models/formulas/oren_nayar.h"
+#include "host_sdk/reflectance/models/lobes.h"
+#include "host_sdk/reflectance/models/warp.h"
+
+namespace scatter::reflectance {
+namespace {
+
+/// Draws by the cosine, as every diffuse lobe does.
+template <typename Derived>
+class CosineLobe : public FormulaLobe<Derived> {
+ public:
+  [[nodiscard]] Direction sample(const Direction& omega_i, double u1, double u2,
+                                 double u3) const noexcept override {
+    (void)omega_i, (void)u3;
+    return warp::cosine(u1, u2);
+  }
+  [[nodiscard]] double pdf(const Direction& omega_i, const Direction& omega_o) const noexcept override {
+    (void)omega_i;
+    return omega_o.z > 0 ? omega_o.z / kPi : 0.0;
+  }
+};
+
+class LambertLobe final : public CosineLobe<LambertLobe> {
+ public:
+  explicit LambertLobe(const ChannelValues& albedo) noexcept : albedo_(albedo) {
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      f_per_sr_[c] = albedo[c] / kPi;
+    }
+  }
+  void value(const formulas::Geometry& g, ChannelValues& out) const noexcept {
+    (void)g;
+    out = f_per_sr_;
+  }
+  [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {
+    (void)omega_i;
+    return albedo_;
+  }
+
+ private:
+  ChannelValues albedo_;
+  ChannelValues f_per_sr_{};
+};
+
+class OrenNayarLobe final : public CosineLobe<OrenNayarLobe> {
+ public:
+  OrenNayarLobe(const ChannelValues& albedo, const ChannelValues& sigma) noexcept
+      : albedo_(albedo), sigma_(sigma) {}
+  void value(const formulas::Geometry& g, ChannelValues& out) const noexcept {
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      out[c] = albedo_[c] * formulas::oren_nayar(sigma_[c], g);
+    }
+  }
+  [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {
+    (void)omega_i;
+    return albedo_;
+  }
+
+ private:
+  ChannelValues albedo_;
+  ChannelValues sigma_;
+};
+
+}  // namespace
+
+std::shared_ptr<const Lobe> make_lambert_lobe(const ChannelValues& albedo) {
+  return std::make_shared<LambertLobe>(albedo);
+}
+
+std::shared_ptr<const Lobe> make_oren_nayar_lobe(const ChannelValues& albedo, const ChannelValues& sigma) {
+  return std::make_shared<OrenNayarLobe>(albedo, sigma);
+}
+
+}  // namespace scatter::reflectance
