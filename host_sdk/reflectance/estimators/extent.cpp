@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "host_sdk/reflectance/estimators/estimator.h"
+#include "host_sdk/reflectance/estimators/scattered_brdf.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
 
@@ -41,6 +42,26 @@ Extent of_grid(const GridBrdf& grid) {
   return extent;
 }
 
+/// Fewer sites per incidence than this on average: the samples lie in no order, incidences say nothing.
+constexpr std::size_t kFewestPerIncidence = 8;
+
+Extent of_samples(const ScatteredBrdf& samples) {
+  Extent extent;
+  extent.azimuth = samples.azimuth();
+  extent.theta_o_to = 0;
+  for (const ScatteredBrdf::Site& site : samples.sites()) {
+    if (site.held > 0) {
+      extent.theta_i.push_back(theta_of(site.omega_i));
+      extent.theta_o_to = std::max(extent.theta_o_to, exit_theta(samples.type(), site.omega_o));
+    }
+  }
+  sort_unique(extent.theta_i);
+  if (extent.theta_i.size() * kFewestPerIncidence > samples.site_count()) {
+    extent.theta_i.clear();
+  }
+  return extent;
+}
+
 }  // namespace
 
 Extent extent_of(const Brdf& brdf) {
@@ -50,6 +71,8 @@ Extent extent_of(const Brdf& brdf) {
   }
   if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {
     extent = of_grid(*grid);
+  } else if (const auto* samples = dynamic_cast<const ScatteredBrdf*>(&brdf)) {
+    extent = of_samples(*samples);
   } else if (const auto* specular = dynamic_cast<const SpecularGridBrdf*>(&brdf)) {
     extent.theta_i = specular->content().theta_i;
     if (specular->content().rotation.size() == 1) {

@@ -18,7 +18,8 @@ struct Extent {
 
 /// Of the data at the bottom of a chain: grids and scattered samples say it, everything else is
 /// taken as known everywhere. Nodes that are invalid or extrapolated are no data; of a
-/// SpecularGridBrdf theta_o_to is pi/2, since its rim is no circle about the normal.
+/// SpecularGridBrdf theta_o_to is pi/2, since its rim is no circle about the normal. Scattered samples have
+/// incidences when at least 8 sites share each on average, else none.
 /// Cost  one pass over the origins.
 [[nodiscard]] Extent extent_of(const Brdf& brdf);
 
