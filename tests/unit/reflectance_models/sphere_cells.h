@@ -14,6 +14,11 @@ namespace scatter::reflectance::test {
 inline constexpr std::size_t kRows = 24;     ///< In theta over 0..pi.
 inline constexpr std::size_t kColumns = 36;  ///< In phi.
 
+/// Cuts of a cell: densities of mirrored facets grow like 1/distance towards the light; and those to
+/// follow the border of a density's support.
+inline constexpr int kDepth = 12;
+inline constexpr int kBorderDepth = 5;
+
 inline std::size_t cell_of(const Direction& w) {
   const auto row = static_cast<std::size_t>(theta_of(w) / kPi * static_cast<double>(kRows));
   const auto column = static_cast<std::size_t>(phi_of(w) / (2 * kPi) * static_cast<double>(kColumns));
@@ -45,9 +50,10 @@ double integral(const Density& density, double theta0, double theta1, double phi
   };
   // A border of the density's support may pass between the nodes: the corners tell.
   const auto is_positive = [&](double theta, double phi) { return density(from_spherical(theta, phi)) > 0; };
-  const bool border = is_positive(theta0, phi0) != is_positive(theta0, phi1) ||
-                      is_positive(theta0, phi0) != is_positive(theta1, phi0) ||
-                      is_positive(theta0, phi0) != is_positive(theta1, phi1);
+  const bool corner = is_positive(theta0, phi0);
+  const bool border = depth > kDepth - kBorderDepth &&
+                      (corner != is_positive(theta0, phi1) || corner != is_positive(theta1, phi0) ||
+                       corner != is_positive(theta1, phi1));
   const double fine = rule(kNode4, kWeight4);
   if (depth == 0 || (!border && std::abs(fine - rule(kNode2, kWeight2)) < 2e-7)) {
     return fine;
@@ -70,7 +76,7 @@ std::vector<double> integrals(const Density& density) {
       const double phi_step = 2 * kPi / static_cast<double>(kColumns);
       const double theta = static_cast<double>(row) * theta_step;
       const double phi = static_cast<double>(column) * phi_step;
-      out.push_back(integral(density, theta, theta + theta_step, phi, phi + phi_step, 6));
+      out.push_back(integral(density, theta, theta + theta_step, phi, phi + phi_step, kDepth));
     }
   }
   return out;
