@@ -63,7 +63,7 @@ double t_975(double freedom) {
 
 /// Narrow lobe first, so that names mean the same in every fit.
 void order_lobes(const FitFamily& family, std::size_t channels, FitPoint& point) {
-  if (family.disney || family.lobes.size() != 2 || family.lobes[0] != family.lobes[1]) {
+  if (family.lobes.size() != 2 || family.lobes[0] != family.lobes[1]) {
     return;
   }
   const std::vector<ShapeParameter> parameters = shape_parameters(family);

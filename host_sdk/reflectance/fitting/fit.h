@@ -75,7 +75,8 @@ struct IncidenceLoss {
 struct FitResult {
   FitFamily family = {};
   std::shared_ptr<const FittedBrdf> model = {};
-  /// Text that make_model turns into the same BRDF; empty with other channel counts than 1 and 3.
+  /// Text that make_model turns into the same BRDF; empty for glTF and for other channel counts
+  /// than 1 and 3.
   std::string spec = {};
   std::vector<FitParameter> parameters = {};  ///< Shared ones first, then channel after channel.
   /// Covariance of the parameters, row after row; empty when there are more than 64.

@@ -28,7 +28,7 @@ std::string_view word_of(FitLobe lobe) {
 
 std::unexpected<Error> bad(std::string_view name, const std::string& why) {
   return fail(ErrorCode::kInvalidArgument, fmt::format("model family '{}': {}", name, why),
-              "use lambert, oren-nayar, disney, or one or two of ggx, beckmann, cook-torrance, ward, "
+              "use lambert, oren-nayar, disney, gltf, or one or two of ggx, beckmann, cook-torrance, ward, "
               "lafortune, joined by +, for example oren-nayar+ggx or ggx2");
 }
 
@@ -36,7 +36,10 @@ std::unexpected<Error> bad(std::string_view name, const std::string& why) {
 
 Result<FitFamily> fit_family(std::string_view name) {
   if (name == "disney") {
-    return FitFamily{.base = FitBase::kLambert, .lobes = {}, .disney = true};
+    return FitFamily{.whole = FitWhole::kDisney};
+  }
+  if (name == "gltf") {
+    return FitFamily{.whole = FitWhole::kGltf};
   }
   FitFamily family;
   std::string_view rest = name;
@@ -71,8 +74,8 @@ Result<FitFamily> fit_family(std::string_view name) {
 }
 
 std::string name(const FitFamily& family) {
-  if (family.disney) {
-    return "disney";
+  if (family.whole != FitWhole::kNone) {
+    return family.whole == FitWhole::kDisney ? "disney" : "gltf";
   }
   std::string text;
   const bool lambert = family.base == FitBase::kLambert;

@@ -20,17 +20,26 @@ enum class FitBase : std::uint8_t { kLambert, kOrenNayar };
 /// Of two lobes with Fresnel each also has a weight 0..1, shared by all channels.
 enum class FitLobe : std::uint8_t { kGgx, kBeckmann, kCookTorrance, kWard, kLafortune };
 
-/// Base plus at most two lobes, or the Disney model (2012: base colour, metallic, roughness, specular).
+/// Models that are no sum of base and lobes.
+enum class FitWhole : std::uint8_t {
+  kNone,
+  kDisney,  ///< 2012, with base colour, metallic, roughness and specular.
+  /// glTF 2.0 (specification, appendix B) with KHR_materials_ior and KHR_materials_specular: base
+  /// colour, metallic, roughness, specular (factor) and f0 of the dielectric.
+  kGltf,
+};
+
+/// Base plus at most two lobes, or a whole model.
 struct FitFamily {
   FitBase base = FitBase::kLambert;
   std::vector<FitLobe> lobes = {};
-  bool disney = false;  ///< Base and lobes do not apply.
+  FitWhole whole = FitWhole::kNone;  ///< Unless kNone, base and lobes do not apply.
 
   friend bool operator==(const FitFamily&, const FitFamily&) = default;
 };
 
-/// "ggx", "oren-nayar+ward", "ggx2", "lambert+ggx+ward", "lambert", "oren-nayar", "disney": an optional
-/// base (Lambert when none is named) and up to two of ggx, beckmann, cook-torrance, ward, lafortune;
+/// "ggx", "oren-nayar+ward", "ggx2", "lambert+ggx+ward", "lambert", "oren-nayar", "disney", "gltf": an
+/// optional base (Lambert when none is named) and up to two of ggx, beckmann, cook-torrance, ward, lafortune;
 /// a 2 behind a lobe doubles it.
 /// Errors    kInvalidArgument naming the word and what there is.
 [[nodiscard]] Result<FitFamily> fit_family(std::string_view name);

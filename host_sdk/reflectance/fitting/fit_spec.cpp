@@ -19,20 +19,64 @@ std::string values(const FittedBrdf::Parameters& parameters, std::size_t term) {
   return text;
 }
 
+/// One lobe as a model of its own; p is its first shape parameter and moves behind its last.
+std::string lobe_spec(const FittedBrdf::Parameters& parameters, std::size_t lobe, std::size_t& p) {
+  const bool weighted = parameters.family.lobes.size() > 1;
+  const double width = parameters.shape[p++];
+  const std::string colour = values(parameters, 1 + lobe);
+  const auto facets = [&](const char* model) {
+    std::string text = fmt::format("{}:alpha={:.12g},f0={}", model, width, colour);
+    if (weighted) {
+      text += fmt::format(",weight={:.12g}", parameters.shape[p++]);
+    }
+    return text;
+  };
+  switch (parameters.family.lobes[lobe]) {
+    case FitLobe::kGgx:
+      return facets("ggx");
+    case FitLobe::kBeckmann:
+      return facets("beckmann");
+    case FitLobe::kCookTorrance:
+      return fmt::format("cook-torrance:m={:.12g},f0={},ks={:.12g}", width, colour, parameters.shape[p++]);
+    case FitLobe::kWard:
+      return fmt::format("ward:alpha={:.12g},ks={}", width, colour);
+    case FitLobe::kLafortune:
+      break;
+  }
+  return fmt::format("lafortune:n={:.12g},ks={}", width, colour);
+}
+
 }  // namespace
 
 std::string model_spec(const FittedBrdf::Parameters& parameters) {
+  const FitFamily& family = parameters.family;
   if (parameters.channels != 1 && parameters.channels != 3) {
     return {};
   }
-  if (parameters.family == FitFamily{}) {
-    return "lambertian:" + values(parameters, 0);
+  if (family.whole == FitWhole::kGltf) {
+    return {};
   }
-  if (parameters.family == FitFamily{.lobes = {FitLobe::kGgx}}) {
-    return fmt::format("ggx:alpha={:.12g},f0={},albedo={}", parameters.shape[0], values(parameters, 1),
-                       values(parameters, 0));
+  if (family.whole == FitWhole::kDisney) {
+    return fmt::format("disney:base={},roughness={:.12g},metallic={:.12g},specular={:.12g}",
+                       values(parameters, 0), parameters.shape[0], parameters.shape[1], parameters.shape[2]);
   }
-  return {};
+  const bool lambert = family.base == FitBase::kLambert;
+  std::size_t p = lambert ? 0 : 1;
+  const std::string base =
+      lambert ? fmt::format("lambertian:albedo={}", values(parameters, 0))
+              : fmt::format("oren-nayar:albedo={},sigma={:.12g}", values(parameters, 0), parameters.shape[0]);
+  if (family.lobes.empty()) {
+    return base;
+  }
+  if (lambert && family.lobes.size() == 1) {
+    return fmt::format("{},albedo={}", lobe_spec(parameters, 0, p), values(parameters, 0));
+  }
+  std::string text = fmt::format("sum:{}", base);
+  for (std::size_t lobe = 0; lobe < family.lobes.size(); ++lobe) {
+    text += ',';
+    text += lobe_spec(parameters, lobe, p);
+  }
+  return text;
 }
 
 }  // namespace scatter::reflectance

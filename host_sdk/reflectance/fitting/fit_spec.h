@@ -7,7 +7,7 @@
 
 namespace scatter::reflectance {
 
-/// Empty when the spec language cannot hold it: other channel counts than 1 and 3.
+/// Empty when the spec language cannot hold it: other channel counts than 1 and 3, glTF.
 [[nodiscard]] std::string model_spec(const FittedBrdf::Parameters& parameters);
 
 }  // namespace scatter::reflectance

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <type_traits>
 
 #include "host_sdk/reflectance/models/formulas/cook_torrance.h"
 #include "host_sdk/reflectance/models/formulas/disney.h"
@@ -71,6 +72,16 @@ void store(double* at, const ceres::Jet<double, kShapes>& value) {
   }
 }
 
+/// Shape parameter p as a number, or as a Jet that varies with it.
+template <typename T>
+T variable(std::span<const double> shape, std::size_t p) {
+  if constexpr (std::is_same_v<T, double>) {
+    return shape[p];
+  } else {
+    return T(shape[p], static_cast<int>(p));
+  }
+}
+
 /// The Disney model with f0 = (1 - metallic) 0.08 specular + metallic colour, linear in the colour.
 /// T is double or a Jet over (roughness, metallic, specular).
 template <typename T>
@@ -85,6 +96,26 @@ void disney_terms(const std::array<T, 3>& shape, std::span<const Geometry> geome
     const T dielectric = (1.0 - metallic) * specular * 0.08;
     store(layout.at(out, k, 0), T(lobe * (dielectric * (1.0 - s) + s)));
     store(layout.at(out, k, 1), T((1.0 - metallic) * diffuse + metallic * lobe * (1.0 - s)));
+  }
+}
+
+/// glTF: mix(dielectric, metal, metallic), the dielectric being mix(c / pi, lobe, F) with F from f0 to
+/// `specular` at grazing angles, the metal the lobe with Schlick's F from c. Linear in the colour c.
+/// T is double or a Jet over (roughness, metallic, specular, f0).
+/// Source  glTF 2.0 specification, B.2 and B.3; KHR_materials_specular, KHR_materials_ior.
+template <typename T>
+void gltf_terms(const std::array<T, 4>& shape, std::span<const Geometry> geometries, const Layout& layout,
+                std::span<double> out) {
+  const auto& [roughness, metallic, specular, f0] = shape;
+  const T alpha = roughness * roughness;
+  for (std::size_t k = 0; k < geometries.size(); ++k) {
+    const Geometry& g = geometries[k];
+    const double s = formulas::schlick_weight(g.cos_d);
+    const T lobe = formulas::ggx_lobe(alpha, g);
+    const T fresnel = specular * (f0 * (1.0 - s) + s);
+    store(layout.at(out, k, 0), T(lobe * ((1.0 - metallic) * fresnel + metallic * s)));
+    store(layout.at(out, k, 1),
+          T((1.0 - metallic) * (1.0 - fresnel) * (1.0 / kPi) + metallic * lobe * (1.0 - s)));
   }
 }
 
@@ -148,16 +179,21 @@ void lobe_terms(std::size_t index, bool weighted, std::size_t p, std::span<const
 template <bool kDerivatives>
 void all_terms(const FitFamily& family, std::span<const double> shape, std::span<const Geometry> geometries,
                std::span<double> out) {
+  const bool whole = family.whole != FitWhole::kNone;
   const Layout layout{.shapes = shape.size(),
-                      .stride = family.disney ? 2 : 2 + family.lobes.size(),
+                      .stride = whole ? 2 : 2 + family.lobes.size(),
                       .columns = kDerivatives ? 1 + shape.size() : 1};
-  if (family.disney) {
-    if constexpr (kDerivatives) {
-      using Jet = ceres::Jet<double, 3>;
-      disney_terms<Jet>({Jet(shape[0], 0), Jet(shape[1], 1), Jet(shape[2], 2)}, geometries, layout, out);
-    } else {
-      disney_terms<double>({shape[0], shape[1], shape[2]}, geometries, layout, out);
-    }
+  if (family.whole == FitWhole::kDisney) {
+    using T = std::conditional_t<kDerivatives, ceres::Jet<double, 3>, double>;
+    disney_terms<T>({variable<T>(shape, 0), variable<T>(shape, 1), variable<T>(shape, 2)}, geometries, layout,
+                    out);
+    return;
+  }
+  if (family.whole == FitWhole::kGltf) {
+    using T = std::conditional_t<kDerivatives, ceres::Jet<double, 4>, double>;
+    gltf_terms<T>(
+        {variable<T>(shape, 0), variable<T>(shape, 1), variable<T>(shape, 2), variable<T>(shape, 3)},
+        geometries, layout, out);
     return;
   }
   base_terms<kDerivatives>(family, shape, geometries, layout, out);
@@ -190,7 +226,14 @@ void all_terms(const FitFamily& family, std::span<const double> shape, std::span
 }  // namespace
 
 std::vector<ShapeParameter> shape_parameters(const FitFamily& family) {
-  if (family.disney) {
+  if (family.whole == FitWhole::kGltf) {
+    // f0 0.25 is an index of 3, the most that KHR_materials_ior's users mean.
+    return {{"roughness", 0.04, 1, false, {0.15, 0.3, 0.5, 0.8}},
+            {"metallic", 0, 1, false, {0.05, 0.5, 0.95}},
+            {"specular", 0, 1, false, {0.8}},
+            {"f0", 0, 0.25, false, {0.05}}};
+  }
+  if (family.whole == FitWhole::kDisney) {
     return {{"roughness", 0.04, 1, false, {0.15, 0.3, 0.5, 0.8}},
             {"metallic", 0, 1, false, {0.05, 0.5, 0.95}},
             {"specular", 0, 1, false, {0.5}}};
@@ -211,16 +254,19 @@ std::vector<ShapeParameter> shape_parameters(const FitFamily& family) {
     if (has_weight(family, lobe)) {
       // Above 1/4 one lobe of Cook and Torrance reflects more than it receives.
       const bool cook_torrance = lobe == FitLobe::kCookTorrance;
-      all.push_back(
-          {numbered("weight", k, lobes), 0, cook_torrance ? 0.25 : 1, false, {cook_torrance ? 0.15 : 0.5}});
+      all.push_back({numbered(cook_torrance ? "ks" : "weight", k, lobes),
+                     0,
+                     cook_torrance ? 0.25 : 1,
+                     false,
+                     {cook_torrance ? 0.15 : 0.5}});
     }
   }
   return all;
 }
 
 std::vector<Coefficient> coefficients(const FitFamily& family) {
-  if (family.disney) {
-    return {{"base_color"}};
+  if (family.whole != FitWhole::kNone) {
+    return {{"base"}};
   }
   std::vector<Coefficient> all{{"albedo"}};
   for (std::size_t k = 0; k < family.lobes.size(); ++k) {
