@@ -71,7 +71,7 @@ Result<std::string> encode(const AdaptiveBrdf& brdf) {
   }
   const std::vector<float> spectra = channels_of(content, order);
   const std::string valid = pack_bits(
-      content.valid.empty() ? std::vector<std::uint8_t>(brdf.luminance().values.size(), 1) : content.valid);
+      content.valid.empty() ? std::vector<std::uint8_t>(content.luminance.values.size(), 1) : content.valid);
   const std::string version("\1\0\0\0\0\0\0\0", 8);
   const std::string jacobian(1, content.jacobian ? '\1' : '\0');
   const auto described = content.metadata.find("description");
@@ -87,7 +87,7 @@ Result<std::string> encode(const AdaptiveBrdf& brdf) {
     return TensorField{std::move(name), TensorType::kU8, {value.size()}, 0, value};
   };
   const auto& vndf = brdf.vndf();
-  const auto& luminance = brdf.luminance();
+  const auto& luminance = content.luminance;
   std::vector<TensorField> fields{
       {"version", TensorType::kU32, {2}, 0, version},
       text("description", description),

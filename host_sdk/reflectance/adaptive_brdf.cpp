@@ -109,6 +109,14 @@ Bracket bracket(std::span<const float> axis, double value) noexcept {
   return {above - 1, above, share, on_node ? Origin::kMeasured : Origin::kInterpolated};
 }
 
+/// Rounding in other programs leaves luminances a little below 0.
+BilinearTables without_negatives(BilinearTables tables) {
+  for (float& value : tables.values) {
+    value = std::max(value, 0.0F);
+  }
+  return tables;
+}
+
 double turn_into_square(double phi) noexcept {
   const double y = (phi + kPi) / (2 * kPi);
   return y - std::floor(y);
@@ -152,7 +160,7 @@ Result<AdaptiveBrdf> AdaptiveBrdf::make(Content content) {
 AdaptiveBrdf::AdaptiveBrdf(Content content)
     : content_(std::move(content)),
       vndf_(std::exchange(content_.vndf, {})),
-      luminance_(std::exchange(content_.luminance, {})),
+      luminance_(without_negatives(content_.luminance)),
       reduction_(content_.phi_i.size() > 2 ? reduction_of(content_.phi_i) : 1) {}
 
 AdaptiveBrdf::Incidence AdaptiveBrdf::incidence(const Direction& omega_i) const noexcept {

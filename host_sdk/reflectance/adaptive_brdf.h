@@ -50,7 +50,6 @@ class AdaptiveBrdf final : public Brdf {
 
   [[nodiscard]] const Content& content() const noexcept { return content_; }
   [[nodiscard]] const BilinearTables& vndf() const noexcept { return vndf_.tables(); }
-  [[nodiscard]] const BilinearTables& luminance() const noexcept { return luminance_.tables(); }
   [[nodiscard]] bool isotropic() const noexcept { return content_.phi_i.size() <= 2; }
   /// 1: azimuths cover all of 2 pi; 2, 4: a half, a quarter of it.
   [[nodiscard]] int azimuth_reduction() const noexcept { return reduction_; }
@@ -91,7 +90,7 @@ class AdaptiveBrdf final : public Brdf {
   [[nodiscard]] Origin eval_at(const Incidence& incidence, const Direction& omega_o,
                                double* f_per_sr) const noexcept;
 
-  Content content_;  ///< Without vndf and luminance, which the warps hold.
+  Content content_;  ///< Without vndf, which its warp holds.
   BilinearWarp vndf_;
   BilinearWarp luminance_;
   int reduction_ = 1;

@@ -61,7 +61,7 @@ struct BilinearCell {
 class BilinearWarp {
  public:
   BilinearWarp() = default;
-  /// Range  values finite; negative ones count as 0. A table that is 0 everywhere has density 0.
+  /// Range  values finite and not negative. A table that is 0 everywhere has density 0.
   explicit BilinearWarp(BilinearTables tables);
 
   [[nodiscard]] const BilinearTables& tables() const noexcept { return tables_; }
@@ -75,15 +75,21 @@ class BilinearWarp {
   [[nodiscard]] SquarePoint sample(const SquarePoint& uniform, const TableMix& mix) const noexcept;
 
  private:
-  /// Integral along a row from 0 to a node, mixed.
+  /// Sum of the cells of one row of one table before a column.
+  [[nodiscard]] double cells_before(std::size_t table_row, std::size_t column) const noexcept;
+  /// The same, mixed.
   [[nodiscard]] double row_up_to(std::size_t row, std::size_t column, const TableMix& mix) const noexcept;
   [[nodiscard]] double rows_up_to(std::size_t row, const TableMix& mix) const noexcept;
   [[nodiscard]] double value(std::size_t row, std::size_t column, const TableMix& mix) const noexcept;
 
   BilinearTables tables_;
-  std::vector<float> conditional_;  ///< [table][row][column]: integral along the row up to the column.
-  std::vector<float> marginal_;     ///< [table][row]: integral over the square up to the row.
-  std::vector<double> scale_;       ///< [table]: 1 / integral over the square; 0 where that is 0.
+  std::size_t blocks_ = 0;  ///< Per row.
+  /// [table][row][block]: sum of the cells of a row before each block of cells; the last entry is
+  /// that of all. A cell is the mean of its two nodes. Blocks, because sums at every node in double
+  /// would cost more to write than the file costs to read, and in float they are not exact enough.
+  std::vector<double> conditional_;
+  std::vector<double> marginal_;  ///< [table][row]: sum of the rows of cells before it.
+  std::vector<double> scale_;     ///< [table]: 1 / sum of all cells; 0 where that is 0.
 };
 
 }  // namespace scatter::reflectance
