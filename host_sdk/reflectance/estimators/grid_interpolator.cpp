@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host_sdk/reflectance/estimators/specular_nodes.h"
 #include "host_sdk/reflectance/sampled_grid.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
 
@@ -30,26 +31,6 @@ Grid about_normal(const Brdf& inner, double step, const Extent& extent) {
   return std::make_shared<const GridBrdf>(std::move(*grid));
 }
 
-/// All nodes of one incidence, azimuth by azimuth.
-std::vector<Direction> nodes_of(const SpecularGridBrdf::Content& content, double theta_i, double phi_i) {
-  std::vector<Direction> nodes;
-  nodes.reserve(content.azimuth.size() * content.radial.size());
-  const double cos_i = std::cos(theta_i);
-  const double sin_i = std::sin(theta_i);
-  for (const double azimuth : content.azimuth) {
-    for (const double radial : content.radial) {
-      const double x = std::sin(radial) * std::cos(azimuth);
-      const double y = std::sin(radial) * std::sin(azimuth);
-      const double z = std::cos(radial);
-      const Direction w{x * cos_i - z * sin_i, y, x * sin_i + z * cos_i};
-      const double side = content.type == ScatterType::kBrdf ? 1 : -1;
-      nodes.push_back({w.x * std::cos(phi_i) - w.y * std::sin(phi_i),
-                       w.x * std::sin(phi_i) + w.y * std::cos(phi_i), side * w.z});
-    }
-  }
-  return nodes;
-}
-
 Grid about_specular(const Brdf& inner, double step, const Extent& extent) {
   SpecularGridBrdf::Content content;
   content.type = inner.type();
@@ -72,7 +53,7 @@ Grid about_specular(const Brdf& inner, double step, const Extent& extent) {
   std::vector<std::vector<float>> sigma(n);
   for (const double theta_i : content.theta_i) {
     const double phi_i = content.rotation.front();
-    const std::vector<Direction> nodes = nodes_of(content, theta_i, phi_i);
+    const std::vector<Direction> nodes = specular_nodes(content, theta_i, phi_i);
     const Direction omega_i = from_spherical(theta_i, phi_i);
     std::vector<double> f(per_incidence * n);
     std::vector<Origin> origin(per_incidence);

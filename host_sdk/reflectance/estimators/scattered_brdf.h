@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "host_sdk/reflectance/brdf.h"
@@ -54,6 +56,9 @@ class ScatteredBrdf final : public Brdf {
   [[nodiscard]] std::size_t site_count() const noexcept { return index_.size(); }
   /// All samples held, in the order of their ids, with the metadata.
   [[nodiscard]] ScatteredSamples samples() const;
+  [[nodiscard]] const std::map<std::string, std::string>& metadata() const noexcept {
+    return samples_.metadata;
+  }
 
   [[nodiscard]] ScatterType type() const noexcept override { return samples_.type; }
   [[nodiscard]] std::size_t channels() const noexcept override { return samples_.channels; }
