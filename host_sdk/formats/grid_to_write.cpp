@@ -22,6 +22,7 @@ using reflectance::ScatterType;
 using reflectance::SpecularGridBrdf;
 
 constexpr double kSameAngle = 1e-6;
+constexpr double kHorizon = 1e-9;
 constexpr std::size_t kMostNodes = 50'000'000;
 
 /// Some channels of a BRDF that is no grid.
@@ -189,6 +190,9 @@ class SpecularSampler {
         }
       }
     }
+    if (plain_) {
+      out_.origin.clear();
+    }
   }
 
  private:
@@ -197,7 +201,9 @@ class SpecularSampler {
     for (std::size_t k = 0; k < omega_o_.size(); ++k) {
       const Direction offset = reflectance::from_spherical(out_.radial[k], psi);
       const double x = offset.x * std::cos(theta) - offset.z * std::sin(theta);
-      const double z = offset.x * std::sin(theta) + offset.z * std::cos(theta);
+      // On the horizon rounding must not decide, nor tell one half from the other.
+      double z = offset.x * std::sin(theta) + offset.z * std::cos(theta);
+      z = z < kHorizon ? std::min(z, 0.0) : z;
       omega_o_[k] = {x * std::cos(phi) - offset.y * std::sin(phi),
                      x * std::sin(phi) + offset.y * std::cos(phi), side * z};
     }
@@ -209,6 +215,7 @@ class SpecularSampler {
       }
       const bool below = side * omega_o_[k].z <= 0;
       out_.origin[node + k] = below ? Origin::kExtrapolated : origin_[k];
+      plain_ = plain_ && (below || origin_[k] == Origin::kMeasured);
     }
   }
 
@@ -217,6 +224,7 @@ class SpecularSampler {
   std::vector<Direction> omega_o_;
   std::vector<double> f_;
   std::vector<Origin> origin_;
+  bool plain_ = true;  ///< All measured above the horizon, which a grid means without origins.
 };
 
 }  // namespace

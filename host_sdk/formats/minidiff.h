@@ -1,4 +1,4 @@
-// MiniDiff / LightTools BSDF (text): what the commercial instrument writes (docs: formats.md 2).
+// MiniDiff / LightTools BSDF (text): what the commercial instrument writes (docs/formats.md).
 #pragma once
 
 #include <filesystem>
@@ -10,20 +10,29 @@
 
 namespace scatter::formats {
 
-/// Blocks of 361 azimuths (rows) x 91 radials (columns) about the normal in 1 deg steps, one per
-/// incidence and channel, values with seven digits; azimuth is phi_o and POI phi_i of
-/// reflectance/direction.h. The format knows no origin and no uncertainty: beyond the grid's last
-/// theta_o the last value goes on, where the grid is invalid the nearest valid one of the same
-/// azimuth stands, and "#" lines say so. No time stamp: the same grid gives the same bytes.
-/// Errors  kInvalidArgument: several channels without wavelengths.
-[[nodiscard]] Result<std::string> encode_minidiff(const reflectance::GridBrdf& grid);
-[[nodiscard]] Status write_minidiff(const reflectance::GridBrdf& grid, const std::filesystem::path& path);
+/// One block per incidence and channel: azimuths 0..360 (rows) x radials 0..90 (columns) about the
+/// normal in the grid's own steps (361 x 91 for 1 deg, as the instrument's software writes), values
+/// with `digits` significant digits (0: seven). Azimuth is phi_o and POI phi_i of
+/// reflectance/direction.h. Beyond the grid's last theta_o the last value goes on, where the grid is
+/// invalid the nearest valid one of the same azimuth stands, and "#" lines say so; further "#" lines
+/// carry origins, rotations and metadata for our reader. Uncertainties are lost. No time stamp: the
+/// same grid gives the same bytes.
+/// Three channels without wavelengths become tristimulus values (docs/decisions/0007), which our
+/// reader turns back.
+/// Errors  kInvalidArgument: two, four or more channels without wavelengths, digits out of range.
+[[nodiscard]] Result<std::string> encode_minidiff(const reflectance::GridBrdf& grid, int digits = 0);
+[[nodiscard]] Status write_minidiff(const reflectance::GridBrdf& grid, const std::filesystem::path& path,
+                                    int digits = 0);
 
 /// Everything is taken as measured, except beyond the radial that a line "#Extrapolated beyond
-/// radial 75" (ours) names. An incidence that comes with several POI means that the sample was
-/// rotated; plane-symmetric data are mirrored.
-/// Errors  kDataLoss: line, expected, found. kUnimplemented: uneven angles, XYZ, or several
-///         scatter types or sides in one file.
+/// radial 75" (ours) names, and as our comments say. An incidence that comes with several POI means
+/// that the sample was rotated; plane-symmetric data are mirrored. Uneven angles become the even grid
+/// that has them all as nodes, what lies between is kInterpolated. XYZ: three channels as they are,
+/// metadata "spectral_content". Metadata also "sample", "side", "comments" (those of others), and
+/// "notes" where TIS and the integral of the values differ by more than 5 %.
+/// Errors  kDataLoss: line, expected, found. kUnimplemented: angles of which no even grid of sensible size
+/// can be made, or
+///         several scatter types or sides in one file.
 [[nodiscard]] Result<reflectance::GridBrdf> decode_minidiff(std::string_view text, std::string_view name);
 [[nodiscard]] Result<reflectance::GridBrdf> read_minidiff(const std::filesystem::path& path);
 

@@ -2,45 +2,26 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <optional>
 
 #include "host_sdk/formats/file_bytes.h"
 #include "host_sdk/formats/minidiff.h"
+#include "host_sdk/formats/minidiff_content.h"
 #include "host_sdk/formats/text_scanner.h"
 
 namespace scatter::formats {
 namespace {
 
 using reflectance::GridBrdf;
-using reflectance::GridPart;
-using reflectance::kPi;
-using reflectance::Origin;
-using reflectance::radians;
 using reflectance::ScatterType;
 
 constexpr std::size_t kLongestAxis = 100'000;
 constexpr double kSameAngleDeg = 1e-6;
-constexpr std::string_view kExtrapolated = "#Extrapolated beyond radial ";
-
-/// Even steps from 0; the step [deg], or nothing.
-std::optional<double> even_step(const std::vector<double>& axis) {
-  if (axis.size() < 2 || axis[0] != 0 || !(axis.back() > 0)) {
-    return std::nullopt;
-  }
-  const double step = axis.back() / static_cast<double>(axis.size() - 1);
-  for (std::size_t k = 0; k < axis.size(); ++k) {
-    if (std::abs(axis[k] - step * static_cast<double>(k)) > kSameAngleDeg) {
-      return std::nullopt;
-    }
-  }
-  return step;
-}
 
 class Decoder {
  public:
-  Decoder(std::string_view text, std::string_view name) : scan_(text, name), text_(text), name_(name) {}
+  Decoder(std::string_view text, std::string_view name) : scan_(text, name), name_(name) {}
 
   Result<GridBrdf> decode() {
     if (Status status = read_header(); !status) {
@@ -64,39 +45,26 @@ class Decoder {
   enum Key : std::size_t { kModel, kSource, kSymmetry, kSpectral, kAzimuth, kRadial };
   static constexpr std::array<std::string_view, 6> kKeys{
       "Model", "Source", "Symmetry", "SpectralContent", "ScatterAzimuth", "ScatterRadial"};
-  /// Values of one incidence, in the order in which wavelengths came.
-  struct Incidence {
-    double aoi_deg, poi_deg;
-    std::vector<double> wavelengths_nm;
-    std::vector<std::vector<float>> planes;
-  };
+  using Incidence = MiniDiffContent::Incidence;
   struct BlockHead {
-    std::optional<double> aoi, poi, wavelength, total;
+    std::optional<double> aoi, poi, wavelength, total, tristimulus;
     std::optional<ScatterType> type;
     std::string_view side;
   };
 
   [[nodiscard]] std::unexpected<Error> unimplemented(std::string_view what) const {
     return fail(ErrorCode::kUnimplemented, fmt::format("{}: {}", name_, what),
-                "export it as an even grid, monochrome, one type and side per file");
+                "export one type and side per file, on a grid about the normal");
   }
 
   Status read_header() {
     std::array<bool, kKeys.size()> seen{};
     while (!scan_.take_if("DataBegin")) {
-      std::size_t key = 0;
-      while (key < kKeys.size() && !same_word(kKeys[key], scan_.peek())) {
-        ++key;
+      const auto key = scan_.keyword(kKeys, seen, "DataBegin");
+      if (!key) {
+        return std::unexpected(key.error());
       }
-      if (key == kKeys.size()) {
-        return scan_.expected("a keyword of the header or DataBegin");
-      }
-      if (seen[key]) {
-        return scan_.error(fmt::format("{} is there twice", kKeys[key]));
-      }
-      seen[key] = true;
-      (void)scan_.take();
-      if (Status status = read_key(static_cast<Key>(key)); !status) {
+      if (Status status = read_key(static_cast<Key>(*key)); !status) {
         return status;
       }
     }
@@ -120,19 +88,19 @@ class Decoder {
         return {};
       }
       case kSource:
-        (void)scan_.take();
+        content_.metadata["source"] = scan_.take();
         return {};
       case kSymmetry:
-        mirrored_ = scan_.take_if("PlaneSymmetrical") || scan_.take_if("PlaneSymmetric");
-        if (!mirrored_ && !scan_.take_if("Asymmetric") && !scan_.take_if("Asymmetrical")) {
+        content_.plane_symmetric = scan_.take_if("PlaneSymmetrical") || scan_.take_if("PlaneSymmetric");
+        if (!content_.plane_symmetric && !scan_.take_if("Asymmetric") && !scan_.take_if("Asymmetrical")) {
           return scan_.expected("PlaneSymmetrical or Asymmetric");
         }
         return {};
       case kSpectral:
-        if (same_word(scan_.peek(), "XYZ")) {
-          return unimplemented("SpectralContent XYZ is not read yet");
-        }
-        if (!scan_.take_if("Monochrome")) {
+        if (scan_.take_if("XYZ")) {
+          content_.tristimulus = true;
+          content_.metadata["spectral_content"] = "XYZ";
+        } else if (!scan_.take_if("Monochrome")) {
           return scan_.expected("Monochrome or XYZ");
         }
         return {};
@@ -142,30 +110,40 @@ class Decoder {
         if (!axis) {
           return std::unexpected(axis.error());
         }
-        (key == kAzimuth ? azimuth_ : radial_) = std::move(*axis);
+        (key == kAzimuth ? azimuth_ : content_.radial_deg) = std::move(*axis);
         return {};
       }
     }
     return {};
   }
 
+  /// The angles of the grid in memory: without 360, and without the half that a mirror gives.
   Status set_axes() {
-    const auto radial_step = even_step(radial_);
-    const auto azimuth_step = even_step(azimuth_);
-    if (!radial_step || radial_.back() > 90 + kSameAngleDeg) {
-      return unimplemented("ScatterRadial is not evenly spaced from 0 to at most 90");
+    const auto ascending = [](const std::vector<double>& axis) {
+      return std::ranges::adjacent_find(axis, [](double a, double b) { return !(a < b); }) == axis.end();
+    };
+    if (!ascending(content_.radial_deg) || content_.radial_deg.front() < 0 ||
+        content_.radial_deg.back() > 90 + kSameAngleDeg) {
+      return scan_.error("ScatterRadial does not ascend from 0 to at most 90");
     }
-    const double range = mirrored_ ? 180 : 360;
-    const bool closed = azimuth_step && std::abs(azimuth_.back() - range) < kSameAngleDeg;
-    const bool open =
-        azimuth_step && !mirrored_ && std::abs(azimuth_.back() + *azimuth_step - range) < kSameAngleDeg;
-    if (!closed && !open) {
-      return unimplemented(fmt::format("ScatterAzimuth is not evenly spaced from 0 to {}", range));
+    const double range = content_.plane_symmetric ? 180 : 360;
+    if (!ascending(azimuth_) || azimuth_.front() < 0 || azimuth_.back() > range + kSameAngleDeg) {
+      return scan_.error(fmt::format("ScatterAzimuth does not ascend from 0 to at most {}", range));
     }
-    content_.theta_count = radial_.size();
-    content_.theta_step = radians(*radial_step);
-    content_.phi_count = mirrored_ ? 2 * (azimuth_.size() - 1) : azimuth_.size() - (closed ? 1 : 0);
-    content_.phi_step = 2 * kPi / static_cast<double>(content_.phi_count);
+    content_.phi_deg = azimuth_;
+    if (std::abs(content_.phi_deg.back() - 360) < kSameAngleDeg) {
+      content_.phi_deg.pop_back();
+    }
+    for (std::size_t k = azimuth_.size(); k-- > 0 && content_.plane_symmetric;) {
+      if (azimuth_[k] > kSameAngleDeg && azimuth_[k] < 180 - kSameAngleDeg) {
+        content_.phi_deg.push_back(360 - azimuth_[k]);
+      }
+    }
+    const auto layout = even_layout(content_.radial_deg, content_.phi_deg, 90, 360);
+    if (!layout) {
+      return unimplemented("ScatterAzimuth and ScatterRadial make no even grid of a sensible size");
+    }
+    content_.layout = *layout;
     return {};
   }
 
@@ -192,6 +170,8 @@ class Decoder {
         status = number("Wavelength", head.wavelength);
       } else if (scan_.take_if("TIS")) {
         status = number("TIS", head.total);
+      } else if (scan_.take_if("TristimulusValue")) {
+        status = read_tristimulus(head);
       } else if (scan_.take_if("Side")) {
         head.side = scan_.take();
         status = same_word(head.side, "Front") || same_word(head.side, "Back")
@@ -214,10 +194,26 @@ class Decoder {
         return std::unexpected(status.error());
       }
     }
-    if (!head.aoi || !head.poi || !head.wavelength || !head.type || !head.total) {
-      return scan_.expected("AOI, POI, Side, Wavelength, ScatterType and TIS of a block");
+    if (!head.aoi || !head.poi || !(content_.tristimulus ? head.tristimulus : head.wavelength) ||
+        !head.type || !head.total) {
+      return scan_.expected(fmt::format("AOI, POI, Side, {}, ScatterType and TIS of a block",
+                                        content_.tristimulus ? "TristimulusValue" : "Wavelength"));
     }
     return head;
+  }
+
+  Status read_tristimulus(BlockHead& head) {
+    constexpr std::array<std::string_view, 3> kValues{"TrisX", "TrisY", "TrisZ"};
+    if (!content_.tristimulus || head.tristimulus) {
+      return scan_.error("TristimulusValue is there twice in one block, or the file is not XYZ");
+    }
+    for (std::size_t k = 0; k < kValues.size(); ++k) {
+      if (scan_.take_if(kValues[k])) {
+        head.tristimulus = static_cast<double>(k);
+        return {};
+      }
+    }
+    return scan_.expected("TrisX, TrisY or TrisZ");
   }
 
   Status read_block() {
@@ -229,127 +225,79 @@ class Decoder {
       return scan_.error(
           fmt::format("AOI {} POI {}, expected 0 <= AOI < 90 and POI within a turn", *head->aoi, *head->poi));
     }
-    if (!incidences_.empty() && (*head->type != content_.type || !same_word(head->side, side_))) {
+    if (!content_.incidences.empty() && (*head->type != content_.type || !same_word(head->side, side_))) {
       return unimplemented("several scatter types or sides in one file are not read yet");
     }
     content_.type = *head->type;
     side_ = head->side;
-    const std::size_t values = azimuth_.size() * radial_.size();
+    const std::size_t values = azimuth_.size() * content_.radial_deg.size();
     if (values > (scan_.remaining() + 1) / 2) {
       return scan_.error(
           fmt::format("a block of {} values, but only {} bytes follow", values, scan_.remaining()));
     }
-    std::vector<float> plane(content_.theta_count * content_.phi_count);
-    if (Status status = read_values(*head->poi, plane); !status) {
+    std::vector<float> plane(content_.radial_deg.size() * content_.phi_deg.size());
+    if (Status status = read_values(plane); !status) {
       return status;
     }
-    auto it = std::ranges::find_if(incidences_, [&](const Incidence& i) {
+    const double key = content_.tristimulus ? *head->tristimulus : *head->wavelength;
+    auto it = std::ranges::find_if(content_.incidences, [&](const Incidence& i) {
       return std::abs(i.aoi_deg - *head->aoi) < kSameAngleDeg &&
              std::abs(i.poi_deg - *head->poi) < kSameAngleDeg;
     });
-    if (it == incidences_.end()) {
-      it = incidences_.insert(it, {*head->aoi, *head->poi, {}, {}});
+    if (it == content_.incidences.end()) {
+      it = content_.incidences.insert(it, {*head->aoi, *head->poi, {}, {}, {}});
     }
-    if (std::ranges::find(it->wavelengths_nm, *head->wavelength) != it->wavelengths_nm.end()) {
-      return scan_.error(fmt::format("AOI {} POI {} Wavelength {} is there twice", *head->aoi, *head->poi,
-                                     *head->wavelength));
+    if (std::ranges::find(it->keys, key) != it->keys.end()) {
+      return scan_.error(fmt::format("AOI {} POI {} {} {} is there twice", *head->aoi, *head->poi,
+                                     content_.tristimulus ? "TristimulusValue" : "Wavelength", key));
     }
-    it->wavelengths_nm.push_back(*head->wavelength);
+    it->keys.push_back(key);
+    it->totals.push_back(*head->total);
     it->planes.push_back(std::move(plane));
     return {};
   }
 
   /// Rows are azimuths in the file, columns in memory.
-  Status read_values(double poi_deg, std::vector<float>& plane) {
-    // Plane-symmetric azimuths count from the plane of incidence, so it must lie on a column.
-    const double shift = poi_deg / reflectance::degrees(content_.phi_step);
-    if (mirrored_ && std::abs(shift - std::round(shift)) > 1e-6) {
-      return unimplemented("plane-symmetric data whose POI is off the azimuth grid");
-    }
-    const auto count = static_cast<std::ptrdiff_t>(content_.phi_count);
-    const auto turn = static_cast<std::ptrdiff_t>(std::llround(shift));
-    std::vector<float> row(radial_.size());
-    for (std::size_t azimuth = 0; azimuth < azimuth_.size(); ++azimuth) {
+  Status read_values(std::vector<float>& plane) {
+    std::vector<float> row(content_.radial_deg.size());
+    const std::size_t half = azimuth_.size();
+    const std::size_t columns = content_.phi_deg.size();
+    for (std::size_t azimuth = 0; azimuth < half; ++azimuth) {
       if (Status status = scan_.numbers("value", row); !status) {
         return status;
       }
-      if (azimuth >= content_.phi_count) {
-        continue;  // 360 deg repeats 0 deg
-      }
-      const auto offset = static_cast<std::ptrdiff_t>(azimuth);
-      const auto column = mirrored_ ? turn + offset : offset;
-      const auto other = mirrored_ ? turn - offset : offset;
-      const auto wrap = [count](std::ptrdiff_t k) {
-        return static_cast<std::size_t>(((k % count) + count) % count);
-      };
-      for (std::size_t radial = 0; radial < row.size(); ++radial) {
-        plane[radial * content_.phi_count + wrap(column)] = row[radial];
-        plane[radial * content_.phi_count + wrap(other)] = row[radial];
+      const bool repeats = azimuth >= columns;  // 360 deg repeats 0 deg
+      // The mirror images follow the half in falling order; 0 and 180 are their own.
+      const std::size_t first = azimuth_.front() > kSameAngleDeg ? 0 : 1;
+      const std::size_t other = azimuth == 0 && first == 1 ? 0 : columns + first - 1 - azimuth;
+      for (std::size_t radial = 0; radial < row.size() && !repeats; ++radial) {
+        plane[radial * columns + azimuth] = row[radial];
+        if (content_.plane_symmetric && other >= half) {
+          plane[radial * columns + other] = row[radial];
+        }
       }
     }
     return {};
   }
 
-  /// Our own remark; in files of others everything counts as measured.
-  [[nodiscard]] double measured_to() const {
-    const std::size_t at = text_.substr(0, 4096).find(kExtrapolated);
-    double radial_deg = 90;
-    if (at != std::string_view::npos && (at == 0 || text_[at - 1] == '\n')) {
-      const char* start = text_.data() + at + kExtrapolated.size();
-      (void)std::from_chars(start, text_.data() + text_.size(), radial_deg);
-    }
-    return radians(radial_deg);
-  }
-
   Result<GridBrdf> finish() {
-    if (incidences_.empty()) {
+    if (content_.incidences.empty()) {
       return scan_.expected("AOI of a first block");
     }
-    const std::vector<double>& wavelengths = incidences_.front().wavelengths_nm;
-    content_.channels = wavelengths.size();
-    if (wavelengths.size() > 1 || wavelengths.front() > 0) {
-      content_.wavelengths_nm.assign(wavelengths.begin(), wavelengths.end());
-    }
-    const bool rotated = std::ranges::any_of(incidences_, [&](const Incidence& a) {
-      return std::ranges::count_if(incidences_, [&](const Incidence& b) {
-               return std::abs(a.aoi_deg - b.aoi_deg) < kSameAngleDeg;
-             }) > 1;
-    });
-    const double limit = measured_to() + content_.theta_step * 1e-3;
-    for (Incidence& incidence : incidences_) {
-      if (incidence.wavelengths_nm != wavelengths) {
-        return scan_.error(
-            fmt::format("AOI {} has {} wavelengths, expected the {} of the first incidence in the same order",
-                        incidence.aoi_deg, incidence.wavelengths_nm.size(), wavelengths.size()));
-      }
-      GridPart part;
-      part.theta_i = radians(incidence.aoi_deg);
-      part.phi_i = radians(incidence.poi_deg);
-      part.rotation_rad = rotated ? part.phi_i : 0;
-      part.f_per_sr = std::move(incidence.planes);
-      for (std::size_t n = 0; n < content_.theta_count * content_.phi_count; ++n) {
-        const double theta = static_cast<double>(n / content_.phi_count) * content_.theta_step;
-        part.origin.push_back(theta > limit ? Origin::kExtrapolated : Origin::kMeasured);
-      }
-      content_.parts.push_back(std::move(part));
-    }
     content_.metadata["side"] = side_.empty() ? "Front" : side_;
-    auto grid = GridBrdf::make(std::move(content_));
+    content_.comments = scan_.comments();
+    auto grid = grid_of(std::move(content_));
     if (!grid) {
-      return fail(ErrorCode::kDataLoss, fmt::format("{}: {}", name_, grid.error().what), grid.error().remedy);
+      return fail(grid.error().code, fmt::format("{}: {}", name_, grid.error().what), grid.error().remedy);
     }
     return grid;
   }
 
   TextScanner scan_;
-  std::string_view text_;
   std::string_view name_;
-  bool mirrored_ = false;
-  std::vector<double> azimuth_;
-  std::vector<double> radial_;
+  std::vector<double> azimuth_;  ///< As in the file; content_.phi_deg as in memory.
   std::string_view side_;
-  std::vector<Incidence> incidences_;
-  GridBrdf::Content content_;
+  MiniDiffContent content_;
 };
 
 }  // namespace

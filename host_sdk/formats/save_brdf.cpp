@@ -34,7 +34,8 @@ Bytes native_exr(const Brdf& brdf, const EncodeOptions& options) {
 }
 
 Bytes minidiff(const Brdf& brdf, const EncodeOptions& options) {
-  return on_normal_grid(brdf, options, encode_minidiff);
+  const auto grid = normal_grid(brdf, options);
+  return grid ? encode_minidiff(**grid, options.digits) : Bytes(std::unexpected(grid.error()));
 }
 
 Bytes exr_tiles(const Brdf& brdf, const EncodeOptions& options) {
