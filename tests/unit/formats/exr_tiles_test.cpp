@@ -14,12 +14,13 @@ using namespace scatter::reflectance;
 namespace {
 
 ExrTilesOptions small(bool half_precision) {
-  return {.width = 36,
-          .height = 20,
-          .columns = 3,
-          .half_precision = half_precision,
-          .theta_i = {},
-          .method = "model"};
+  ExrTilesOptions options;
+  options.width = 36;
+  options.height = 20;
+  options.columns = 3;
+  options.half_precision = half_precision;
+  options.method = "model";
+  return options;
 }
 
 }  // namespace
@@ -106,11 +107,88 @@ TEST_CASE("Tiles cut anywhere are refused, and damaged ones never crash the read
   }
 }
 
+TEST_CASE("Tiles of several sample rotations keep the azimuth of the light") {
+  GridBrdf::Content content = test::sample_grid(80, 36).content();
+  for (GridPart& part : content.parts) {
+    part.origin.assign(part.origin.size(), Origin::kMeasured);
+    part.f_per_sr[0][4] = 0.5F;
+    part.phi_i = 0;
+  }
+  const std::vector<GridPart> unturned = content.parts;
+  for (GridPart part : unturned) {
+    part.rotation_rad = radians(90);
+    part.phi_i = radians(90);
+    for (auto& plane : part.f_per_sr) {
+      for (float& f : plane) {
+        f *= 3;
+      }
+    }
+    content.parts.push_back(part);
+  }
+  const GridBrdf grid = GridBrdf::make(content).value();
+  const SpecularGridBrdf tiles = decode_exr_tiles(encode_exr_tiles(grid, small(false)).value(), "t").value();
+  REQUIRE(tiles.content().rotation.size() == 2);
+  REQUIRE(tiles.content().rotation[1] == Approx(radians(90)));
+  std::array<double, 3> expected{};
+  std::array<double, 3> found{};
+  for (const double rotation : {0.0, radians(90)}) {
+    const double a = tiles.content().theta_i[1];
+    const Direction d = from_spherical(kPi * 3.5 / 20, 2 * kPi * 5.5 / 36);
+    const Direction o{d.x * std::cos(a) - d.z * std::sin(a), d.y, d.x * std::sin(a) + d.z * std::cos(a)};
+    const Direction turned{std::cos(rotation) * o.x - std::sin(rotation) * o.y,
+                           std::sin(rotation) * o.x + std::cos(rotation) * o.y, o.z};
+    const Direction i = from_spherical(a, rotation);
+    REQUIRE(grid.eval(i, turned, expected) != Origin::kInvalid);
+    REQUIRE(tiles.eval(i, turned, found) != Origin::kInvalid);
+    REQUIRE(found[1] == Approx(expected[1]).epsilon(1e-4));
+  }
+}
+
+TEST_CASE("A 3-D texture starts at 0, has equal steps, and says that it was resampled") {
+  // PROVES: formats.md 6b, thesis eq. 41.
+  REQUIRE(texture_incidences({0, 0.2, 0.4}).size() == 3);
+  const auto even = texture_incidences({radians(20), radians(30), radians(60)});
+  REQUIRE(even.size() == 7);
+  for (std::size_t k = 0; k < 7; ++k) {
+    REQUIRE(even[k] == Approx(radians(10.0 * static_cast<double>(k))).margin(1e-12));
+  }
+  REQUIRE(texture_incidences({0}).size() == 1);
+  REQUIRE(texture_incidences({}).size() == 1);
+  REQUIRE(texture_incidences({1e-3, 1}).size() == 64);
+  const auto model = make_model("ggx:alpha=0.3,albedo=0.2").value();
+  ExrTilesOptions options = small(true);
+  options.texture_3d = true;
+  options.theta_i = {radians(20), radians(30), radians(60)};
+  const SpecularGridBrdf tiles = decode_exr_tiles(encode_exr_tiles(*model, options).value(), "3d").value();
+  REQUIRE(tiles.content().theta_i.size() == 7);
+  REQUIRE(tiles.content().metadata.at("resampled") == "theta_i 0 10 20 30 40 50 60 from 20 30 60 deg");
+  options.theta_i = {0, radians(20), radians(40)};
+  const SpecularGridBrdf as_it_was =
+      decode_exr_tiles(encode_exr_tiles(*model, options).value(), "3d").value();
+  REQUIRE(as_it_was.content().theta_i.size() == 3);
+  REQUIRE_FALSE(as_it_was.content().metadata.contains("resampled"));
+}
+
+TEST_CASE("Tiles of any number of columns hold the same values") {
+  const auto model = make_model("ggx:alpha=0.3,albedo=0.2").value();
+  ExrTilesOptions options = small(false);
+  const auto expected = decode_exr_tiles(encode_exr_tiles(*model, options).value(), "3").value();
+  for (const std::size_t columns : {0, 1, 2, 4, 7}) {
+    options.columns = columns;
+    const auto found = decode_exr_tiles(encode_exr_tiles(*model, options).value(), "n").value();
+    REQUIRE((found.content().f_per_sr == expected.content().f_per_sr));
+    REQUIRE((found.content().origin == expected.content().origin));
+  }
+}
+
 TEST_CASE("Tiles refuse what they cannot hold") {
   REQUIRE(encode_exr_tiles(test::sample_grid(16, 24, 5)).error().code == ErrorCode::kInvalidArgument);
   const auto model = make_model("lambertian:0.5").value();
-  REQUIRE(encode_exr_tiles(*model, {.width = 0}).error().code == ErrorCode::kInvalidArgument);
-  GridBrdf::Content content = test::sample_grid().content();
-  content.parts[1].rotation_rad = 1;
-  REQUIRE(encode_exr_tiles(GridBrdf::make(content).value()).error().code == ErrorCode::kUnimplemented);
+  ExrTilesOptions options;
+  options.width = 0;
+  REQUIRE(encode_exr_tiles(*model, options).error().code == ErrorCode::kInvalidArgument);
+  options.width = 4096;
+  options.height = 4096;
+  options.theta_i.resize(4096);
+  REQUIRE(encode_exr_tiles(*model, options).error().code == ErrorCode::kInvalidArgument);
 }
