@@ -22,12 +22,12 @@ struct GuidedGrid {
 
   /// Corners of a cell and the shares of its far sides.
   struct Cell {
-    std::uint32_t low = 0;         ///< Node (j, i).
-    std::uint32_t low_next = 0;    ///< Node (j, i + 1).
-    std::uint32_t high = 0;        ///< Node (j + 1, i).
-    std::uint32_t high_next = 0;   ///< Node (j + 1, i + 1).
-    float row_share = 0;           ///< Of the two high ones.
-    float column_share = 0;        ///< Of the two next ones.
+    std::uint32_t low = 0;        ///< Node (j, i).
+    std::uint32_t low_next = 0;   ///< Node (j, i + 1).
+    std::uint32_t high = 0;       ///< Node (j + 1, i).
+    std::uint32_t high_next = 0;  ///< Node (j + 1, i + 1).
+    float row_share = 0;          ///< Of the two high ones.
+    float column_share = 0;       ///< Of the two next ones.
   };
   /// Cell of a direction; below the last row (also below the horizon) the last row counts.
   [[nodiscard]] Cell locate(const Direction& w) const noexcept;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "host_sdk/reflectance/estimators/estimator.h"
 #include "host_sdk/reflectance/estimators/scratch.h"
 
 namespace scatter::reflectance {
@@ -14,7 +15,6 @@ constexpr double kGrazing = 1e-3;
 constexpr double kLeastModel = 1e-12;
 /// How far a cubic may leave the range of its two nearest values, in parts of that range.
 constexpr float kOvershoot = 0.25F;
-constexpr double kSameAngle = 1e-9;
 
 /// Where a direction at one incidence is looked up at another; may be below the horizon.
 class Counterpart {
@@ -65,7 +65,7 @@ float blend(const std::vector<float>& table, const GuidedGrid::Cell& cell, std::
 
 }  // namespace
 
-void log_model(const Guide& guide, const GuidedData& data, double theta_i, std::span<const Direction> local_o,
+void log_model(const Guide& guide, double theta_i, std::span<const Direction> local_o,
                std::span<float> out) noexcept {
   if (!guide.model) {
     std::ranges::fill(out, 0.0F);
@@ -75,10 +75,8 @@ void log_model(const Guide& guide, const GuidedData& data, double theta_i, std::
   const std::span<Direction> asked = scratch.take<Direction>(local_o.size());
   const std::span<double> f = scratch.take<double>(out.size());
   for (std::size_t k = 0; k < local_o.size(); ++k) {
-    asked[k] = local_o[k].z >= kGrazing ? local_o[k]
-                                        : normalized({local_o[k].x, local_o[k].y, kGrazing});
+    asked[k] = local_o[k].z >= kGrazing ? local_o[k] : normalized({local_o[k].x, local_o[k].y, kGrazing});
   }
-  (void)data;
   guide.model->eval_batch(from_spherical(theta_i, 0), asked, f, {});
   for (std::size_t k = 0; k < out.size(); ++k) {
     out[k] = static_cast<float>(std::log(std::max(f[k], kLeastModel)));
@@ -113,7 +111,7 @@ GuidedPredictor::GuidedPredictor(const GuidedData& data, std::vector<std::size_t
       continue;
     }
     for (const std::size_t u : use) {
-      log_model(guides_[g], data, data.theta_i[u], nodes, model);
+      log_model(guides_[g], data.theta_i[u], nodes, model);
       std::vector<float>& ratio = log_ratio_[g][u];
       ratio.resize(model.size());
       for (std::size_t k = 0; k < model.size(); ++k) {
@@ -150,7 +148,8 @@ GuidedPredictor::Neighbors GuidedPredictor::neighbors(double theta_i) const noex
   const std::size_t above = first_above(theta_i);
   const Knot& low = axis_[above - 1];
   const Knot& high = axis_[above];
-  return {low.incidence, high.incidence, std::clamp((theta_i - low.theta) / (high.theta - low.theta), 0.0, 1.0)};
+  return {low.incidence, high.incidence,
+          std::clamp((theta_i - low.theta) / (high.theta - low.theta), 0.0, 1.0)};
 }
 
 GuidedPredictor::Taps GuidedPredictor::taps_at(double theta_i) const noexcept {
@@ -209,8 +208,7 @@ void GuidedPredictor::predict(double theta_i, std::span<const Direction> local_o
         for (std::size_t c = 0; c < n; ++c) {
           float f = 0;
           for (std::size_t t = 0; t < 2; ++t) {
-            f += taps.tap[t].linear *
-                 blend(data_->f_per_sr[taps.tap[t].knot.incidence], at[t][k], n, c);
+            f += taps.tap[t].linear * blend(data_->f_per_sr[taps.tap[t].knot.incidence], at[t][k], n, c);
           }
           out[k * n + c] = std::log(std::max(f, static_cast<float>(data_->floor_per_sr[c])));
         }
@@ -219,7 +217,7 @@ void GuidedPredictor::predict(double theta_i, std::span<const Direction> local_o
     }
     if (model_of != candidate.guide) {
       model_of = candidate.guide;
-      log_model(guides_[model_of], *data_, theta_i, local_o, model);
+      log_model(guides_[model_of], theta_i, local_o, model);
     }
     const bool cubic = candidate.joint == Joint::kLogCubic && taps.count > 2;
     std::array<const std::vector<float>*, 4> table{};

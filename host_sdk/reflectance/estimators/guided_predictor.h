@@ -73,8 +73,8 @@ class GuidedPredictor {
 };
 
 /// ln of the model at many directions of one incidence, not below what a double can divide by.
-/// Shape  log_model[k * channels + c]
-void log_model(const Guide& guide, const GuidedData& data, double theta_i, std::span<const Direction> local_o,
-               std::span<float> log_model) noexcept;
+/// Shape  out[k * channels + c]; the guide's channels, or any number when it has no model.
+void log_model(const Guide& guide, double theta_i, std::span<const Direction> local_o,
+               std::span<float> out) noexcept;
 
 }  // namespace scatter::reflectance
