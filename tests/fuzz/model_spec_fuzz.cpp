@@ -36,7 +36,7 @@ void check_eval(const Brdf& model, bool reciprocal, const Direction& i,
     for (std::size_t c = 0; c < 3; ++c) {
       require(is_light(f[c]));
       require(origin != Origin::kInvalid || f[c] == 0);
-      require(std::abs(f[c] - batch[3 * k + c]) <= 1e-9 * f[c] + 1e-300);
+      require(std::abs(f[c] - batch[3 * k + c]) <= 1e-9 * f[c] + 1e-12);
       require(!reciprocal || std::abs(f[c] - reversed[c]) <= 1e-6 * std::max(f[c], 1e-9));
     }
   }

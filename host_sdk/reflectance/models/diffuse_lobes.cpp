@@ -1,3 +1,4 @@
+#include "host_sdk/reflectance/models/block_kernels.h"
 #include "host_sdk/reflectance/models/formulas/oren_nayar.h"
 #include "host_sdk/reflectance/models/lobes.h"
 #include "host_sdk/reflectance/models/warp.h"
@@ -31,6 +32,15 @@ class LambertLobe final : public CosineLobe<LambertLobe> {
     (void)g;
     out = f_per_sr_;
   }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    (void)block;
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      for (double& f : sum.f_per_sr[c]) {
+        f += weight[c] * f_per_sr_[c];
+      }
+    }
+  }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {
     (void)omega_i;
     return albedo_;
@@ -48,6 +58,16 @@ class OrenNayarLobe final : public CosineLobe<OrenNayarLobe> {
   void value(const formulas::Geometry& g, ChannelValues& out) const noexcept {
     for (std::size_t c = 0; c < kModelChannels; ++c) {
       out[c] = albedo_[c] * formulas::oren_nayar(sigma_[c], g);
+    }
+  }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    alignas(64) BlockArray shape;
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      if (c == 0 || sigma_[c] != sigma_[c - 1]) {
+        kernels::oren_nayar(sigma_[c], block, shape);
+      }
+      kernels::add(weight[c] * albedo_[c], shape, sum.f_per_sr[c]);
     }
   }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {

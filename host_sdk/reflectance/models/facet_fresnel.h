@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "host_sdk/reflectance/models/block_kernels.h"
 #include "host_sdk/reflectance/models/formulas/fresnel.h"
 #include "host_sdk/reflectance/models/lobes.h"
 
@@ -16,6 +17,10 @@ struct SchlickTerm {
       out[c] = f0[c] + (1.0 - f0[c]) * weight;
     }
   }
+  void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
+    kernels::schlick_fresnel(f0[c], g, out);
+  }
+  [[nodiscard]] bool differs(std::size_t a, std::size_t b) const noexcept { return f0[a] != f0[b]; }
 };
 
 struct DielectricTerm {
@@ -25,6 +30,10 @@ struct DielectricTerm {
       out[c] = formulas::dielectric_fresnel(eta[c], cos_d);
     }
   }
+  void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
+    kernels::dielectric_fresnel(eta[c], g, out);
+  }
+  [[nodiscard]] bool differs(std::size_t a, std::size_t b) const noexcept { return eta[a] != eta[b]; }
 };
 
 struct ConductorTerm {
@@ -34,6 +43,12 @@ struct ConductorTerm {
     for (std::size_t c = 0; c < kModelChannels; ++c) {
       out[c] = formulas::conductor_fresnel(n[c], k[c], cos_d);
     }
+  }
+  void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
+    kernels::conductor_fresnel(n[c], k[c], g, out);
+  }
+  [[nodiscard]] bool differs(std::size_t a, std::size_t b) const noexcept {
+    return n[a] != n[b] || k[a] != k[b];
   }
 };
 

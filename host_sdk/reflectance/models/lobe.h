@@ -7,6 +7,7 @@
 
 #include "host_sdk/reflectance/direction.h"
 #include "host_sdk/reflectance/models/formulas/geometry.h"
+#include "host_sdk/reflectance/models/geometry_block.h"
 #include "host_sdk/reflectance/models/model_channels.h"
 
 namespace scatter::reflectance {
@@ -24,9 +25,9 @@ class Lobe {
   virtual void add(const formulas::Geometry& g, const ChannelValues& weight,
                    std::span<double, kModelChannels> f_per_sr) const noexcept = 0;
 
-  /// The same for many geometries. Shape: f_per_sr[k * kModelChannels + c].
-  virtual void add_batch(std::span<const formulas::Geometry> g, const ChannelValues& weight,
-                         std::span<double> f_per_sr) const noexcept = 0;
+  /// The same for every lane of a block.
+  virtual void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                         BlockValues& sum) const noexcept = 0;
 
   /// About the albedo at omega_i, per channel: how often a sum of lobes should draw from this one.
   /// Positive wherever the lobe is.
@@ -40,7 +41,7 @@ class Lobe {
   [[nodiscard]] virtual double pdf(const Direction& omega_i, const Direction& omega_o) const noexcept = 0;
 };
 
-/// `add` and `add_batch` from one inlined function: Derived has
+/// `add` from a formula, and `add_block` lane by lane where no kernel does it: Derived has
 /// `void value(const formulas::Geometry&, ChannelValues& out) const noexcept` [1/sr].
 template <typename Derived>
 class FormulaLobe : public Lobe {
@@ -53,10 +54,14 @@ class FormulaLobe : public Lobe {
       f_per_sr[c] += weight[c] * value[c];
     }
   }
-  void add_batch(std::span<const formulas::Geometry> g, const ChannelValues& weight,
-                 std::span<double> f_per_sr) const noexcept final {
-    for (std::size_t k = 0; k < g.size(); ++k) {
-      FormulaLobe::add(g[k], weight, f_per_sr.subspan(k * kModelChannels).template first<kModelChannels>());
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    for (std::size_t k = 0; k < kBlockSize; ++k) {
+      ChannelValues value;
+      static_cast<const Derived&>(*this).value(block.at(k), value);
+      for (std::size_t c = 0; c < kModelChannels; ++c) {
+        sum.f_per_sr[c][k] += weight[c] * value[c];
+      }
     }
   }
 };

@@ -1,14 +1,13 @@
 #include "host_sdk/reflectance/models/lobe_model.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
+
+#include "host_sdk/reflectance/models/block_kernels.h"
+#include "host_sdk/reflectance/models/geometry_block.h"
 
 namespace scatter::reflectance {
 namespace {
-
-/// Geometries that a batch prepares at a time: they stay in the first-level cache.
-constexpr std::size_t kBlock = 64;
 
 double mean(const ChannelValues& values) noexcept {
   double sum = 0;
@@ -38,28 +37,33 @@ Origin LobeModel::eval(const Direction& omega_i, const Direction& omega_o,
 
 void LobeModel::eval_batch(const Direction& omega_i, std::span<const Direction> omega_o,
                            std::span<double> f_per_sr, std::span<Origin> origin) const noexcept {
-  std::array<formulas::Geometry, kBlock> g;
-  for (std::size_t first = 0; first < omega_o.size(); first += kBlock) {
-    const std::size_t count = std::min(kBlock, omega_o.size() - first);
-    const std::span<double> f = f_per_sr.subspan(first * kModelChannels, count * kModelChannels);
-    std::ranges::fill(f, 0.0);
-    bool all = true;
-    for (std::size_t k = 0; k < count; ++k) {
-      const Direction& o = omega_o[first + k];
-      const bool valid = omega_i.z > 0 && o.z > 0;
-      all = all && valid;
-      // A stand-in keeps the lobes' loops free of branches; its value is wiped below.
-      g[k] = valid ? formulas::make_geometry(omega_i, o) : formulas::Geometry{};
-      if (!origin.empty()) {
-        origin[first + k] = valid ? Origin::kMeasured : Origin::kInvalid;
-      }
+  GeometryBlock block;
+  BlockValues sum;
+  block.i = omega_i.z > 0 ? omega_i : Direction{};
+  for (std::size_t first = 0; first < omega_o.size(); first += kBlockSize) {
+    const std::size_t count = std::min(kBlockSize, omega_o.size() - first);
+    for (std::size_t k = 0; k < kBlockSize; ++k) {
+      // Lanes without a valid direction get the normal, and 0 below.
+      const bool valid = k < count && omega_i.z > 0 && omega_o[first + k].z > 0;
+      const Direction o = valid ? omega_o[first + k] : Direction{};
+      block.o_x[k] = o.x;
+      block.o_y[k] = o.y;
+      block.o_z[k] = o.z;
+    }
+    kernels::complete(block);
+    for (BlockArray& channel : sum.f_per_sr) {
+      channel.fill(0.0);
     }
     for (const WeightedLobe& lobe : lobes_) {
-      lobe.lobe->add_batch(std::span(g).first(count), lobe.weight, f);
+      lobe.lobe->add_block(block, lobe.weight, sum);
     }
-    for (std::size_t k = 0; !all && k < count; ++k) {
-      if (!(omega_i.z > 0 && omega_o[first + k].z > 0)) {
-        std::ranges::fill(f.subspan(k * kModelChannels, kModelChannels), 0.0);
+    for (std::size_t k = 0; k < count; ++k) {
+      const bool valid = omega_i.z > 0 && omega_o[first + k].z > 0;
+      for (std::size_t c = 0; c < kModelChannels; ++c) {
+        f_per_sr[(first + k) * kModelChannels + c] = valid ? sum.f_per_sr[c][k] : 0.0;
+      }
+      if (!origin.empty()) {
+        origin[first + k] = valid ? Origin::kMeasured : Origin::kInvalid;
       }
     }
   }

@@ -1,3 +1,4 @@
+#include "host_sdk/reflectance/models/block_kernels.h"
 #include "host_sdk/reflectance/models/facet_fresnel.h"
 #include "host_sdk/reflectance/models/formulas/cook_torrance.h"
 #include "host_sdk/reflectance/models/formulas/microfacet.h"
@@ -15,6 +16,9 @@ struct GgxFacets {
   [[nodiscard]] double lobe(std::size_t c, const formulas::Geometry& g) const noexcept {
     return formulas::ggx_lobe(alpha[c], g);
   }
+  void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
+    kernels::ggx_lobe(alpha[c], alpha[c], g, out);
+  }
   [[nodiscard]] Direction facet(std::size_t c, const Direction& omega_i, double u1,
                                 double u2) const noexcept {
     return warp::visible_ggx_facet(alpha[c], alpha[c], omega_i, u1, u2);
@@ -31,6 +35,9 @@ struct AnisotropicGgxFacets {
   [[nodiscard]] bool same() const noexcept { return x == uniform(x[0]) && y == uniform(y[0]); }
   [[nodiscard]] double lobe(std::size_t c, const formulas::Geometry& g) const noexcept {
     return formulas::ggx_lobe(x[c], y[c], g);
+  }
+  void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
+    kernels::ggx_lobe(x[c], y[c], g, out);
   }
   [[nodiscard]] Direction facet(std::size_t c, const Direction& omega_i, double u1,
                                 double u2) const noexcept {
@@ -60,6 +67,13 @@ struct BeckmannFacets : GaussianFacets {
   [[nodiscard]] double lobe(std::size_t c, const formulas::Geometry& g) const noexcept {
     return formulas::beckmann_lobe(alpha[c], g);
   }
+  void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
+    kernels::beckmann_distribution(alpha[c], g, out);
+    const double masking_i = formulas::beckmann_masking_over_cos(alpha[c], g.i.z) / 4;
+    for (std::size_t k = 0; k < kBlockSize; ++k) {
+      out[k] *= masking_i * formulas::beckmann_masking_over_cos(alpha[c], g.o_z[k]);
+    }
+  }
 };
 
 struct CookTorranceFacets : GaussianFacets {
@@ -67,6 +81,12 @@ struct CookTorranceFacets : GaussianFacets {
   [[nodiscard]] bool same() const noexcept { return GaussianFacets::same() && k == uniform(k[0]); }
   [[nodiscard]] double lobe(std::size_t c, const formulas::Geometry& g) const noexcept {
     return k[c] * formulas::cook_torrance_lobe(alpha[c], g);
+  }
+  void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
+    kernels::cook_torrance_lobe(alpha[c], g, out);
+    for (double& value : out) {
+      value *= k[c];
+    }
   }
 };
 
@@ -84,6 +104,20 @@ class FacetLobe final : public FormulaLobe<FacetLobe<Facets, Fresnel>> {
         lobe = facets_.lobe(c, g);
       }
       out[c] *= lobe;
+    }
+  }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    alignas(64) BlockArray lobe;
+    alignas(64) BlockArray fresnel;
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      if (c == 0 || !same_) {
+        facets_.block(c, block, lobe);
+      }
+      if (c == 0 || fresnel_.differs(c, c - 1)) {
+        fresnel_.block(c, block, fresnel);
+      }
+      kernels::add_product(weight[c], lobe, fresnel, sum.f_per_sr[c]);
     }
   }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {

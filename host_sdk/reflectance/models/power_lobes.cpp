@@ -1,3 +1,4 @@
+#include "host_sdk/reflectance/models/block_kernels.h"
 #include "host_sdk/reflectance/models/formulas/lafortune.h"
 #include "host_sdk/reflectance/models/lobes.h"
 #include "host_sdk/reflectance/models/warp.h"
@@ -20,6 +21,17 @@ class PowerLobe final : public FormulaLobe<PowerLobe<kKind>> {
         lobe = shape(c, g);
       }
       out[c] = k_[c] * lobe;
+    }
+  }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    alignas(64) BlockArray power;
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      if (c == 0 || !same_) {
+        kernels::mirror_power(n_[c], block, power);
+      }
+      const double height = kKind == PowerKind::kPhong ? 1 / block.i.z : (n_[c] + 2) / (2 * kPi);
+      kernels::add(weight[c] * k_[c] * height, power, sum.f_per_sr[c]);
     }
   }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {

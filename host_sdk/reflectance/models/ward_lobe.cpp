@@ -1,5 +1,6 @@
 #include "host_sdk/reflectance/models/formulas/ward.h"
 
+#include "host_sdk/reflectance/models/block_kernels.h"
 #include "host_sdk/reflectance/models/lobes.h"
 #include "host_sdk/reflectance/models/warp.h"
 
@@ -23,6 +24,16 @@ class WardLobe final : public FormulaLobe<WardLobe> {
         lobe = formulas::ward_lobe(kind_, x_[c], y_[c], g);
       }
       out[c] = k_[c] * lobe;
+    }
+  }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    alignas(64) BlockArray lobe;
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      if (c == 0 || !same_) {
+        kernels::ward_lobe(kind_, x_[c], y_[c], block, lobe);
+      }
+      kernels::add(weight[c] * k_[c], lobe, sum.f_per_sr[c]);
     }
   }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {
