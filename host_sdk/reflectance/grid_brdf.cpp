@@ -7,6 +7,8 @@
 #include <limits>
 #include <tuple>
 
+#include "host_sdk/reflectance/lookup_chunks.h"
+
 namespace scatter::reflectance {
 namespace {
 
@@ -18,6 +20,8 @@ constexpr double kSameAngle = 1e-6;
 constexpr double kSameNode = 1e-6;
 /// Rotations farther apart than this are not interpolated [rad].
 constexpr double kWidestRotationGap = kPi / 2 + kSameAngle;
+/// The lookup counts nodes in 32 bits.
+constexpr double kMostNodes = 2147483648.0;
 
 std::unexpected<Error> bad(const std::string& what) {
   return fail(ErrorCode::kInvalidArgument, "grid: " + what, "give every part the sizes that the grid states");
@@ -97,7 +101,7 @@ Status check_part(const GridBrdf::Content& content, std::size_t index) {
 }
 
 /// Mean of the valid nodes of row 0; exact when they are equal, as they should be.
-double pole_mean(const std::vector<float>& plane, const std::vector<Origin>& origin, std::size_t phi_count) {
+float pole_mean(const std::vector<float>& plane, const std::vector<Origin>& origin, std::size_t phi_count) {
   double total = 0;
   double count = 0;
   float first = 0;
@@ -116,7 +120,7 @@ double pole_mean(const std::vector<float>& plane, const std::vector<Origin>& ori
   if (equal || count == 0) {
     return first;
   }
-  return total / count;
+  return static_cast<float>(total / count);
 }
 
 }  // namespace
@@ -137,6 +141,12 @@ Result<GridBrdf> GridBrdf::make(Content content) {
   if (!content.wavelengths_nm.empty() && content.wavelengths_nm.size() != content.channels) {
     return bad(
         fmt::format("{} wavelengths for {} channels", content.wavelengths_nm.size(), content.channels));
+  }
+  const double nodes = static_cast<double>(content.theta_count + 1) *
+                       static_cast<double>(content.phi_count + 1) * static_cast<double>(content.parts.size());
+  if (!(nodes < kMostNodes)) {
+    return fail(ErrorCode::kResourceExhausted,
+                fmt::format("grid: {:.3g} nodes, expected less than 2^31", nodes), "use a coarser grid");
   }
   for (std::size_t p = 0; p < content.parts.size(); ++p) {
     if (Status status = check_part(content, p); !status) {
@@ -178,6 +188,59 @@ GridBrdf::GridBrdf(Content content) : content_(std::move(content)) {
     }
     pole_origin_.push_back(origin);
   }
+  build_lookup();
+}
+
+void GridBrdf::build_lookup() {
+  const std::size_t rows = content_.theta_count;
+  const std::size_t columns = content_.phi_count;
+  CellTable table(content_.channels, content_.parts.size(), rows + 1, columns + 1);
+  for (std::size_t p = 0; p < content_.parts.size(); ++p) {
+    const GridPart& part = content_.parts[p];
+    for (std::size_t j = 0; j < rows; ++j) {
+      for (std::size_t i = 0; i < columns; ++i) {
+        const std::size_t node = j * columns + i;
+        const Origin origin = j == 0 ? pole_origin_[p] : part.origin[node];
+        const std::size_t at = table.index(p, j, i);
+        table.set_origin(at, origin);
+        for (std::size_t c = 0; c < content_.channels && origin != Origin::kInvalid; ++c) {
+          table.set(at, c,
+                    j == 0 ? static_cast<float>(pole_[p * content_.channels + c]) : part.f_per_sr[c][node]);
+        }
+      }
+      table.copy_node(table.index(p, j, 0), table.index(p, j, columns));
+    }
+    for (std::size_t i = 0; i <= columns; ++i) {
+      table.copy_node(table.index(p, rows - 1, i), table.index(p, rows, i));
+    }
+  }
+  table.close_cells();
+  lookup_.table = std::move(table);
+  lookup_.transmits = content_.type == ScatterType::kBtdf;
+  lookup_.lowest_z = -kSameAngle;
+  lookup_.row_per_rad = 1 / content_.theta_step;
+  lookup_.column_per_rad = 1 / content_.phi_step;
+  lookup_.last_row = static_cast<double>(rows - 1);
+  lookup_.column_count = static_cast<double>(columns);
+  lookup_.same_node = kSameNode;
+
+  const auto together = [](const GridPart& a, const GridPart& b) {
+    return b.theta_i - a.theta_i <= 2 * kSameAngle;
+  };
+  if (groups_.size() > 1 || std::ranges::adjacent_find(content_.parts, together) != content_.parts.end()) {
+    return;
+  }
+  std::vector<double> theta_i;
+  std::vector<double> column_offset;
+  for (const GridPart& part : content_.parts) {
+    theta_i.push_back(part.theta_i);
+    column_offset.push_back(wrapped(part.phi_i) / content_.phi_step);
+  }
+  IncidenceAxis& axis = lookup_.incidences;
+  axis.set(theta_i, column_offset);
+  axis.same_angle = kSameAngle;
+  axis.normal_cos_phi = std::cos(groups_.front().phi_i);
+  axis.normal_sin_phi = std::sin(groups_.front().phi_i);
 }
 
 Direction GridBrdf::omega_i(std::size_t part) const noexcept {
@@ -238,10 +301,14 @@ void GridBrdf::blend_part(std::size_t part, const Direction& local_o, double wei
   add_tap(part, row + 1, next, weight * row_share * column_share, out);
 }
 
-void GridBrdf::blend_group(const Group& group, double theta_i, double phi_i, const Direction& local_o,
-                           double weight, Blend& out) const noexcept {
+void GridBrdf::add_shares(const Group& group, double theta_i, double phi_i, double weight,
+                          IncidenceShares& out) const noexcept {
   const std::vector<GridPart>& parts = content_.parts;
   const std::size_t end = group.first + group.count;
+  const auto add = [&](std::size_t part, double turn, double share) {
+    out.blocks[out.count++] = {static_cast<std::uint32_t>(part), std::cos(turn), std::sin(turn),
+                               wrapped(parts[part].phi_i) / content_.phi_step, share};
+  };
   std::size_t above = group.first;
   while (above < end && parts[above].theta_i < theta_i - kSameAngle) {
     ++above;
@@ -254,33 +321,26 @@ void GridBrdf::blend_group(const Group& group, double theta_i, double phi_i, con
         best = p;
       }
     }
-    blend_part(best, local_o, weight, out);
+    add(best, 0, weight);
     return;
   }
   // Turning about the normal of the plane of incidence keeps the angles about the mirror direction.
-  const auto turned = [&](std::size_t part) {
-    const double turn = parts[part].theta_i - theta_i;
-    const double c = std::cos(turn);
-    const double s = std::sin(turn);
-    return Direction{local_o.x * c - local_o.z * s, local_o.y, local_o.x * s + local_o.z * c};
-  };
   if (above == group.first || above == end) {
     const std::size_t nearest = above == end ? end - 1 : above;
     out.origin = combined(out.origin, Origin::kExtrapolated);
-    blend_part(nearest, turned(nearest), weight, out);
+    add(nearest, parts[nearest].theta_i - theta_i, weight);
     return;
   }
   const std::size_t below = above - 1;
   const double share = (theta_i - parts[below].theta_i) / (parts[above].theta_i - parts[below].theta_i);
   out.origin = combined(out.origin, Origin::kInterpolated);
-  blend_part(below, turned(below), weight * (1 - share), out);
-  blend_part(above, turned(above), weight * share, out);
+  add(below, parts[below].theta_i - theta_i, weight * (1 - share));
+  add(above, parts[above].theta_i - theta_i, weight * share);
 }
 
-GridBrdf::Blend GridBrdf::blend(const Direction& omega_i, const Direction& omega_o) const noexcept {
-  Blend out;
-  const double up = content_.type == ScatterType::kBrdf ? omega_o.z : -omega_o.z;
-  if (!(omega_i.z > 0 && up > -kSameAngle)) {
+IncidenceShares GridBrdf::shares_of(const Direction& omega_i) const noexcept {
+  IncidenceShares out;
+  if (!(omega_i.z > 0)) {
     out.origin = Origin::kInvalid;
     return out;
   }
@@ -289,11 +349,10 @@ GridBrdf::Blend GridBrdf::blend(const Direction& omega_i, const Direction& omega
   // At normal incidence the light has no azimuth: the first group's own one is taken.
   const bool normal = sin_i < kSameAngle;
   const double phi_i = normal ? groups_.front().phi_i : phi_of(omega_i);
-  const double c = normal ? std::cos(phi_i) : omega_i.x / sin_i;
-  const double s = normal ? std::sin(phi_i) : omega_i.y / sin_i;
-  const Direction local{omega_o.x * c + omega_o.y * s, omega_o.y * c - omega_o.x * s, up};
+  out.cos_phi = normal ? std::cos(phi_i) : omega_i.x / sin_i;
+  out.sin_phi = normal ? std::sin(phi_i) : omega_i.y / sin_i;
   if (groups_.size() == 1) {
-    blend_group(groups_.front(), theta_i, phi_i, local, 1, out);
+    add_shares(groups_.front(), theta_i, phi_i, 1, out);
     return out;
   }
   std::size_t next = 0;
@@ -305,14 +364,34 @@ GridBrdf::Blend GridBrdf::blend(const Direction& omega_i, const Direction& omega
   const double to_after = wrapped(after.phi_i - phi_i + kSameAngle) - kSameAngle;
   const double from_before = wrapped(phi_i - before.phi_i);
   if (to_after < kSameAngle) {
-    blend_group(after, theta_i, phi_i, local, 1, out);
+    add_shares(after, theta_i, phi_i, 1, out);
   } else if (const double gap = to_after + from_before; gap > kWidestRotationGap) {
     out.origin = combined(out.origin, Origin::kExtrapolated);
-    blend_group(to_after < from_before ? after : before, theta_i, phi_i, local, 1, out);
+    add_shares(to_after < from_before ? after : before, theta_i, phi_i, 1, out);
   } else {
     out.origin = combined(out.origin, Origin::kInterpolated);
-    blend_group(before, theta_i, phi_i, local, to_after / gap, out);
-    blend_group(after, theta_i, phi_i, local, from_before / gap, out);
+    add_shares(before, theta_i, phi_i, to_after / gap, out);
+    add_shares(after, theta_i, phi_i, from_before / gap, out);
+  }
+  return out;
+}
+
+GridBrdf::Blend GridBrdf::blend(const Direction& omega_i, const Direction& omega_o) const noexcept {
+  const IncidenceShares shares = shares_of(omega_i);
+  Blend out;
+  out.origin = shares.origin;
+  const double up = content_.type == ScatterType::kBrdf ? omega_o.z : -omega_o.z;
+  if (shares.origin == Origin::kInvalid || !(up > -kSameAngle)) {
+    out.origin = Origin::kInvalid;
+    return out;
+  }
+  const Direction local{omega_o.x * shares.cos_phi + omega_o.y * shares.sin_phi,
+                        omega_o.y * shares.cos_phi - omega_o.x * shares.sin_phi, up};
+  for (const BlockShare& share : std::span(shares.blocks).first(shares.count)) {
+    const double c = share.cos_turn;
+    const double s = share.sin_turn;
+    blend_part(share.block, {local.x * c - local.z * s, local.y, local.x * s + local.z * c}, share.weight,
+               out);
   }
   return out;
 }
@@ -339,9 +418,49 @@ bool GridBrdf::sum(const Blend& blend, Plane plane, std::span<double> out) const
 
 Origin GridBrdf::eval(const Direction& omega_i, const Direction& omega_o,
                       std::span<double> f_per_sr) const noexcept {
+  Origin origin = kAskScalar;
+  if (lookup_.incidences.count != 0) {
+    origin = look_up_one(lookup_, omega_i, omega_o, f_per_sr);
+  }
+  return origin == kAskScalar ? ask_scalar(omega_i, omega_o, f_per_sr) : origin;
+}
+
+Origin GridBrdf::ask_scalar(const Direction& omega_i, const Direction& omega_o,
+                            std::span<double> f_per_sr) const noexcept {
   const Blend found = blend(omega_i, omega_o);
   (void)sum(found, Plane::kValue, f_per_sr);
   return found.origin;
+}
+
+void GridBrdf::eval_batch(const Direction& omega_i, std::span<const Direction> omega_o,
+                          std::span<double> f_per_sr, std::span<Origin> origin) const noexcept {
+  const IncidenceShares shares = shares_of(omega_i);
+  if (shares.origin == Origin::kInvalid) {
+    std::ranges::fill(f_per_sr, 0.0);
+    std::ranges::fill(origin, Origin::kInvalid);
+    return;
+  }
+  in_chunks(
+      omega_o.size(), channels(), f_per_sr, origin,
+      [&](std::size_t first, std::span<double> f, std::span<Origin> from) {
+        look_up(lookup_, shares, omega_o.subspan(first, from.size()), f, from);
+      },
+      [&](std::size_t k, std::span<double> f) { return ask_scalar(omega_i, omega_o[k], f); });
+}
+
+void GridBrdf::eval_pairs(std::span<const Direction> omega_i, std::span<const Direction> omega_o,
+                          std::span<double> f_per_sr, std::span<Origin> origin) const noexcept {
+  if (lookup_.incidences.count == 0) {
+    Brdf::eval_pairs(omega_i, omega_o, f_per_sr, origin);
+    return;
+  }
+  in_chunks(
+      omega_o.size(), channels(), f_per_sr, origin,
+      [&](std::size_t first, std::span<double> f, std::span<Origin> from) {
+        look_up_pairs(lookup_, omega_i.subspan(first, from.size()), omega_o.subspan(first, from.size()), f,
+                      from);
+      },
+      [&](std::size_t k, std::span<double> f) { return ask_scalar(omega_i[k], omega_o[k], f); });
 }
 
 bool GridBrdf::uncertainty(const Direction& omega_i, const Direction& omega_o,

@@ -10,6 +10,7 @@
 
 #include "host_sdk/error/error.h"
 #include "host_sdk/reflectance/brdf.h"
+#include "host_sdk/reflectance/grid_lookup.h"
 
 namespace scatter::reflectance {
 
@@ -32,6 +33,9 @@ struct GridPart {
 };
 
 /// Grid of one material. Values are immutable once built through `make`.
+///
+/// Memory   besides the planes, values are kept as evaluation reads them: 16 bytes per node for up to
+///          three channels (8 for one), node_floats() of CellTable in general.
 class GridBrdf final : public Brdf {
  public:
   struct Content {
@@ -47,7 +51,8 @@ class GridBrdf final : public Brdf {
     std::map<std::string, std::string> metadata;
   };
 
-  /// Checks shapes and ranges. Errors: kInvalidArgument naming the part and the expected size.
+  /// Checks shapes and ranges. Errors: kInvalidArgument naming the part and the expected size;
+  /// kResourceExhausted above 2^31 nodes.
   [[nodiscard]] static Result<GridBrdf> make(Content content);
 
   [[nodiscard]] const Content& content() const noexcept { return content_; }
@@ -70,6 +75,13 @@ class GridBrdf final : public Brdf {
   /// apart, the nearest (kExtrapolated) elsewhere.
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override;
+  /// By SIMD, several directions at once. Relative to the largest node in use, values of eval_batch
+  /// differ from those of `eval` by less than 1e-9. eval_pairs calculates in float: its values and
+  /// origins are those of directions at most 1e-6 rad off.
+  void eval_batch(const Direction& omega_i, std::span<const Direction> omega_o, std::span<double> f_per_sr,
+                  std::span<Origin> origin) const noexcept override;
+  void eval_pairs(std::span<const Direction> omega_i, std::span<const Direction> omega_o,
+                  std::span<double> f_per_sr, std::span<Origin> origin) const noexcept override;
   [[nodiscard]] bool uncertainty(const Direction& omega_i, const Direction& omega_o,
                                  std::span<double> random_per_sr,
                                  std::span<double> systematic_per_sr) const noexcept override;
@@ -96,10 +108,15 @@ class GridBrdf final : public Brdf {
   };
 
   explicit GridBrdf(Content content);
+  void build_lookup();
+  [[nodiscard]] IncidenceShares shares_of(const Direction& omega_i) const noexcept;
+  void add_shares(const Group& group, double theta_i, double phi_i, double weight,
+                  IncidenceShares& out) const noexcept;
+  /// The slow way to what the lookup does: single taps, for uncertainties and cells of mixed origin.
   [[nodiscard]] Blend blend(const Direction& omega_i, const Direction& omega_o) const noexcept;
-  /// local_o: light in the plane y = 0, x > 0, outgoing side up.
-  void blend_group(const Group& group, double theta_i, double phi_i, const Direction& local_o, double weight,
-                   Blend& out) const noexcept;
+  [[nodiscard]] Origin ask_scalar(const Direction& omega_i, const Direction& omega_o,
+                                  std::span<double> f_per_sr) const noexcept;
+  /// local_o: light of the part in the plane y = 0, x > 0, outgoing side up.
   void blend_part(std::size_t part, const Direction& local_o, double weight, Blend& out) const noexcept;
   void add_tap(std::size_t part, std::size_t row, std::size_t column, double weight,
                Blend& out) const noexcept;
@@ -109,6 +126,7 @@ class GridBrdf final : public Brdf {
   std::vector<Group> groups_;        ///< By increasing phi_i, in [0, 2 pi).
   std::vector<double> pole_;         ///< [(plane * parts + part) * channels + channel]
   std::vector<Origin> pole_origin_;  ///< One per part.
+  NormalLookup lookup_;
 };
 
 }  // namespace scatter::reflectance

@@ -6,11 +6,15 @@
 #include <array>
 #include <cmath>
 
+#include "host_sdk/reflectance/lookup_chunks.h"
+
 namespace scatter::reflectance {
 namespace {
 
 /// Rounding of angles given in degrees; nearer than this to a node is the node [rad].
 constexpr double kSameAngle = 1e-8;
+/// Two incidences closer than this are the same one [rad]; as in GridBrdf.
+constexpr double kSameIncidence = 1e-6;
 /// Rotations farther apart than this are not interpolated [rad].
 constexpr double kWidestRotationGap = kPi / 2 + kSameAngle;
 /// Largest step of the integration [rad]; cells of the grid are cut until they are finer.
@@ -96,15 +100,70 @@ SpecularGridBrdf::SpecularGridBrdf(Content content) : content_(std::move(content
     cos_i_.push_back(std::cos(a));
     sin_i_.push_back(std::sin(a));
   }
+  build_lookup();
 }
 
-SpecularGridBrdf::Bracket SpecularGridBrdf::bracket(std::span<const double> axis, double value) noexcept {
-  const auto above =
-      static_cast<std::size_t>(std::ranges::lower_bound(axis, value - kSameAngle) - axis.begin());
+void SpecularGridBrdf::build_lookup() {
+  const std::size_t azimuths = content_.azimuth.size();
+  const std::size_t radials = content_.radial.size();
+  std::vector<double> rows = content_.azimuth;
+  // Azimuths go on from the last to the first, which then stands after the last as well.
+  const double first_again = rows.front() + 2 * kPi;
+  if (!content_.plane_symmetric && first_again - rows.back() > kSameAngle) {
+    rows.push_back(first_again);
+  }
+  const std::size_t blocks = content_.rotation.size() * content_.theta_i.size();
+  CellTable table(content_.f_per_sr.size(), blocks, rows.size() + 1, radials + 1);
+  for (std::size_t b = 0; b < blocks; ++b) {
+    for (std::size_t j = 0; j <= rows.size(); ++j) {
+      const std::size_t azimuth = std::min(j, rows.size() - 1) % azimuths;
+      for (std::size_t i = 0; i <= radials; ++i) {
+        const std::size_t radial = std::min(i, radials - 1);
+        const std::size_t node = (b * azimuths + azimuth) * radials + radial;
+        const Origin origin = origin_of(b % content_.theta_i.size(), azimuth, radial, node);
+        const std::size_t at = table.index(b, j, i);
+        table.set_origin(at, origin);
+        for (std::size_t c = 0; c < content_.f_per_sr.size() && origin != Origin::kInvalid; ++c) {
+          table.set(at, c, content_.f_per_sr[c][node]);
+        }
+      }
+    }
+  }
+  table.close_cells();
+  lookup_.table = std::move(table);
+  lookup_.transmits = content_.type == ScatterType::kBtdf;
+  lookup_.folded = content_.plane_symmetric;
+  lookup_.periodic = !content_.plane_symmetric;
+  lookup_.azimuth.set(std::move(rows));
+  lookup_.azimuth.open_low = content_.plane_symmetric && content_.azimuth.front() > kSameAngle;
+  lookup_.azimuth.open_high = content_.plane_symmetric && content_.azimuth.back() < kPi - kSameAngle;
+  lookup_.radial.set(content_.radial);
+  lookup_.radial.open_low = content_.radial.front() > kSameAngle;
+  lookup_.radial.open_high = content_.radial.back() < kPi - kSameAngle;
+  lookup_.same_angle = kSameAngle;
+  const auto together = [](double a, double b) { return b - a <= 2 * kSameIncidence; };
+  if (content_.rotation.size() == 1 &&
+      std::ranges::adjacent_find(content_.theta_i, together) == content_.theta_i.end()) {
+    lookup_.incidences.set(content_.theta_i, std::vector<double>(content_.theta_i.size(), 0.0));
+    lookup_.incidences.same_angle = kSameIncidence;
+  }
+}
+
+Origin SpecularGridBrdf::origin_of(std::size_t incidence, std::size_t azimuth, std::size_t radial,
+                                   std::size_t node) const noexcept {
+  if (!content_.origin.empty()) {
+    return content_.origin[node];
+  }
+  return above_horizon(incidence, azimuth, radial) ? Origin::kMeasured : Origin::kExtrapolated;
+}
+
+SpecularGridBrdf::Bracket SpecularGridBrdf::bracket(std::span<const double> axis, double value,
+                                                    double same) noexcept {
+  const auto above = static_cast<std::size_t>(std::ranges::lower_bound(axis, value - same) - axis.begin());
   if (above == axis.size()) {
     return {above - 1, above - 1, 0, true};
   }
-  if (axis[above] <= value + kSameAngle) {
+  if (axis[above] <= value + same) {
     return {above, above, 0, false};
   }
   if (above == 0) {
@@ -115,15 +174,20 @@ SpecularGridBrdf::Bracket SpecularGridBrdf::bracket(std::span<const double> axis
 
 SpecularGridBrdf::Bracket SpecularGridBrdf::periodic(std::span<const double> axis, double value,
                                                      double widest) noexcept {
-  Bracket found = bracket(axis, value);
+  Bracket found = bracket(axis, value, kSameAngle);
   double gap = 0;
   if (found.outside) {
     const double first = axis.front();
     const double last = axis.back();
     gap = first + 2 * kPi - last;
     const double from_last = value >= last ? value - last : value + 2 * kPi - last;
-    found = gap <= kSameAngle ? Bracket{axis.size() - 1, axis.size() - 1, 0, false}
-                              : Bracket{axis.size() - 1, 0, std::clamp(from_last / gap, 0.0, 1.0), false};
+    if (gap <= kSameAngle) {
+      found = {axis.size() - 1, axis.size() - 1, 0, false};
+    } else if (gap - from_last <= kSameAngle) {
+      found = {0, 0, 0, false};
+    } else {
+      found = {axis.size() - 1, 0, std::clamp(from_last / gap, 0.0, 1.0), false};
+    }
   } else {
     gap = axis[found.above] - axis[found.below];
   }
@@ -143,11 +207,96 @@ bool SpecularGridBrdf::above_horizon(std::size_t incidence, std::size_t azimuth,
 
 Origin SpecularGridBrdf::eval(const Direction& omega_i, const Direction& omega_o,
                               std::span<double> f_per_sr) const noexcept {
-  const Origin origin = blend(content_.f_per_sr, omega_i, omega_o, f_per_sr);
-  if (origin == Origin::kInvalid) {
-    std::ranges::fill(f_per_sr, 0.0);
+  Origin origin = kAskScalar;
+  if (lookup_.incidences.count != 0) {
+    origin = look_up_one(lookup_, omega_i, omega_o, f_per_sr);
+  }
+  if (origin == kAskScalar) {
+    origin = blend(content_.f_per_sr, omega_i, omega_o, f_per_sr);
+    if (origin == Origin::kInvalid) {
+      std::ranges::fill(f_per_sr, 0.0);
+    }
   }
   return origin;
+}
+
+IncidenceShares SpecularGridBrdf::shares_of(const Direction& omega_i) const noexcept {
+  IncidenceShares out;
+  if (!(omega_i.z > 0)) {
+    out.origin = Origin::kInvalid;
+    return out;
+  }
+  const double sin_a = std::hypot(omega_i.x, omega_i.y);
+  // At normal incidence the light has no azimuth; the limit from phi_i = 0 is taken.
+  const bool normal = sin_a < kSameIncidence;
+  out.cos_phi = normal ? 1.0 : omega_i.x / sin_a;
+  out.sin_phi = normal ? 0.0 : omega_i.y / sin_a;
+  const Bracket incidence = bracket(content_.theta_i, std::atan2(sin_a, omega_i.z), kSameIncidence);
+  const Bracket rotation =
+      content_.rotation.size() == 1
+          ? Bracket{}
+          : periodic(content_.rotation, normal ? 0.0 : phi_of(omega_i), kWidestRotationGap);
+  if (incidence.share > 0 || rotation.share > 0) {
+    out.origin = Origin::kInterpolated;
+  }
+  if (incidence.outside || rotation.outside) {
+    out.origin = Origin::kExtrapolated;
+  }
+  for (int corner = 0; corner < 4; ++corner) {
+    const bool later = (corner & 2) != 0;
+    const bool steeper = (corner & 1) != 0;
+    const double weight =
+        (later ? rotation.share : 1 - rotation.share) * (steeper ? incidence.share : 1 - incidence.share);
+    if (weight > 0) {
+      const std::size_t block = (later ? rotation.above : rotation.below) * content_.theta_i.size() +
+                                (steeper ? incidence.above : incidence.below);
+      out.blocks[out.count++] = {static_cast<std::uint32_t>(block), omega_i.z, -sin_a, 0, weight};
+    }
+  }
+  return out;
+}
+
+void SpecularGridBrdf::eval_batch(const Direction& omega_i, std::span<const Direction> omega_o,
+                                  std::span<double> f_per_sr, std::span<Origin> origin) const noexcept {
+  const IncidenceShares shares = shares_of(omega_i);
+  if (shares.origin == Origin::kInvalid) {
+    std::ranges::fill(f_per_sr, 0.0);
+    std::ranges::fill(origin, Origin::kInvalid);
+    return;
+  }
+  in_chunks(
+      omega_o.size(), channels(), f_per_sr, origin,
+      [&](std::size_t first, std::span<double> f, std::span<Origin> from) {
+        look_up(lookup_, shares, omega_o.subspan(first, from.size()), f, from);
+      },
+      [&](std::size_t k, std::span<double> f) {
+        const Origin found = blend(content_.f_per_sr, omega_i, omega_o[k], f);
+        if (found == Origin::kInvalid) {
+          std::ranges::fill(f, 0.0);
+        }
+        return found;
+      });
+}
+
+void SpecularGridBrdf::eval_pairs(std::span<const Direction> omega_i, std::span<const Direction> omega_o,
+                                  std::span<double> f_per_sr, std::span<Origin> origin) const noexcept {
+  if (lookup_.incidences.count == 0) {
+    Brdf::eval_pairs(omega_i, omega_o, f_per_sr, origin);
+    return;
+  }
+  in_chunks(
+      omega_o.size(), channels(), f_per_sr, origin,
+      [&](std::size_t first, std::span<double> f, std::span<Origin> from) {
+        look_up_pairs(lookup_, omega_i.subspan(first, from.size()), omega_o.subspan(first, from.size()), f,
+                      from);
+      },
+      [&](std::size_t k, std::span<double> f) {
+        const Origin found = blend(content_.f_per_sr, omega_i[k], omega_o[k], f);
+        if (found == Origin::kInvalid) {
+          std::ranges::fill(f, 0.0);
+        }
+        return found;
+      });
 }
 
 bool SpecularGridBrdf::uncertainty(const Direction& omega_i, const Direction& omega_o,
@@ -170,19 +319,19 @@ Origin SpecularGridBrdf::blend(const std::vector<std::vector<float>>& planes, co
   const double sin_a = std::hypot(omega_i.x, omega_i.y);
   const double cos_a = omega_i.z;
   // At normal incidence the light has no azimuth; the limit from phi_i = 0 is taken.
-  const double phi_i = sin_a < kSameAngle ? 0.0 : phi_of(omega_i);
-  const double c = sin_a < kSameAngle ? 1.0 : omega_i.x / sin_a;
-  const double s = sin_a < kSameAngle ? 0.0 : omega_i.y / sin_a;
+  const double phi_i = sin_a < kSameIncidence ? 0.0 : phi_of(omega_i);
+  const double c = sin_a < kSameIncidence ? 1.0 : omega_i.x / sin_a;
+  const double s = sin_a < kSameIncidence ? 0.0 : omega_i.y / sin_a;
   const Direction local{omega_o.x * c + omega_o.y * s, omega_o.y * c - omega_o.x * s, up};
   const Direction offset{local.x * cos_a + local.z * sin_a, local.y, local.z * cos_a - local.x * sin_a};
   double psi = phi_of(offset);
   if (content_.plane_symmetric && psi > kPi) {
     psi = 2 * kPi - psi;
   }
-  const Bracket radial = bracket(content_.radial, theta_of(offset));
-  const Bracket azimuth = content_.plane_symmetric ? bracket(content_.azimuth, psi)
+  const Bracket radial = bracket(content_.radial, theta_of(offset), kSameAngle);
+  const Bracket azimuth = content_.plane_symmetric ? bracket(content_.azimuth, psi, kSameAngle)
                                                    : periodic(content_.azimuth, psi, 2 * kPi + kSameAngle);
-  const Bracket incidence = bracket(content_.theta_i, std::atan2(sin_a, cos_a));
+  const Bracket incidence = bracket(content_.theta_i, std::atan2(sin_a, cos_a), kSameIncidence);
   const Bracket rotation =
       content_.rotation.size() == 1 ? Bracket{} : periodic(content_.rotation, phi_i, kWidestRotationGap);
 
@@ -210,11 +359,7 @@ Origin SpecularGridBrdf::blend(const std::vector<std::vector<float>>& planes, co
     }
     const std::size_t node =
         ((q * content_.theta_i.size() + a) * content_.azimuth.size() + p) * content_.radial.size() + r;
-    if (!content_.origin.empty()) {
-      origin = combined(origin, content_.origin[node]);
-    } else if (!above_horizon(a, p, r)) {
-      origin = combined(origin, Origin::kExtrapolated);
-    }
+    origin = combined(origin, origin_of(a, p, r, node));
     taps[count++] = {node, weight};
   }
   if (origin == Origin::kInvalid) {

@@ -9,6 +9,7 @@
 
 #include "host_sdk/error/error.h"
 #include "host_sdk/reflectance/brdf.h"
+#include "host_sdk/reflectance/grid_lookup.h"
 
 namespace scatter::reflectance {
 
@@ -17,6 +18,7 @@ namespace scatter::reflectance {
 /// radial 0 is that direction; azimuth 0 points from it towards the normal and grows
 /// counter-clockwise. With the light at (sin a, 0, cos a) the offset (x, y, z) = (sin r cos p,
 /// sin r sin p, cos r) is the direction (x cos a - z sin a, y, x sin a + z cos a).
+/// Memory  besides the planes, values are kept as evaluation reads them, as in GridBrdf.
 /// Source  formats.md 1.
 class SpecularGridBrdf final : public Brdf {
  public:
@@ -64,6 +66,11 @@ class SpecularGridBrdf final : public Brdf {
   /// the sample is taken as isotropic.
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override;
+  /// As GridBrdf's, in accuracy too.
+  void eval_batch(const Direction& omega_i, std::span<const Direction> omega_o, std::span<double> f_per_sr,
+                  std::span<Origin> origin) const noexcept override;
+  void eval_pairs(std::span<const Direction> omega_i, std::span<const Direction> omega_o,
+                  std::span<double> f_per_sr, std::span<Origin> origin) const noexcept override;
   /// All of sigma as systematic: a total does not average away.
   [[nodiscard]] bool uncertainty(const Direction& omega_i, const Direction& omega_o,
                                  std::span<double> random_per_sr,
@@ -78,15 +85,20 @@ class SpecularGridBrdf final : public Brdf {
     bool outside = false;
   };
   explicit SpecularGridBrdf(Content content);
-  [[nodiscard]] static Bracket bracket(std::span<const double> axis, double value) noexcept;
+  [[nodiscard]] static Bracket bracket(std::span<const double> axis, double value, double same) noexcept;
   [[nodiscard]] static Bracket periodic(std::span<const double> axis, double value, double widest) noexcept;
-  /// out stays untouched when the result is kInvalid.
+  void build_lookup();
+  [[nodiscard]] IncidenceShares shares_of(const Direction& omega_i) const noexcept;
+  /// The slow way to what the lookup does. out stays untouched when the result is kInvalid.
   [[nodiscard]] Origin blend(const std::vector<std::vector<float>>& planes, const Direction& omega_i,
                              const Direction& omega_o, std::span<double> out) const noexcept;
+  [[nodiscard]] Origin origin_of(std::size_t incidence, std::size_t azimuth, std::size_t radial,
+                                 std::size_t node) const noexcept;
   [[nodiscard]] bool above_horizon(std::size_t incidence, std::size_t azimuth,
                                    std::size_t radial) const noexcept;
 
   Content content_;
+  SpecularLookup lookup_;
   std::vector<double> cos_azimuth_, cos_radial_, sin_radial_, cos_i_, sin_i_;
 };
 
