@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <utility>
 
-#include "host_sdk/reflectance/albedo.h"
 #include "host_sdk/reflectance/grid_brdf.h"
-#include "tools/plot/curves.h"
+#include "host_sdk/reflectance/inspection.h"
+#include "host_sdk/reflectance/specular_grid_brdf.h"
 #include "tools/plot/ticks.h"
 #include "tools/scatter/text_table.h"
 
@@ -18,151 +18,224 @@ namespace {
 using nlohmann::ordered_json;
 using reflectance::Brdf;
 using reflectance::degrees;
-using reflectance::Direction;
+using reflectance::Deviation;
 using reflectance::GridBrdf;
-using reflectance::Origin;
-using reflectance::radians;
+using reflectance::IncidenceInspection;
+using reflectance::Inspection;
+using reflectance::OriginShares;
 using reflectance::Region;
-using reflectance::ScatterType;
+using reflectance::SpecularGridBrdf;
 
 using Rows = std::vector<std::vector<std::string>>;
 
-/// Albedo per incidence: of the measured nodes of a grid, of the hemisphere for everything else.
-double add_albedo(const Brdf& brdf, ordered_json& json, Rows& rows) {
-  double largest = 0;
-  auto& list = json["albedo"] = ordered_json::array();
-  const auto note = [&](double theta_i, const std::vector<double>& values, const char* region) {
-    largest = std::max(largest, *std::ranges::max_element(values));
-    list.push_back({{"theta_i_deg", degrees(theta_i)}, {"region", region}, {"albedo", values}});
-    rows.push_back({"albedo at " + plot::angle_text(theta_i),
-                    fmt::format("{} over the {}", numbers(values, 4), region)});
-  };
-  if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {
-    for (std::size_t k = 0; k < grid->content().parts.size(); ++k) {
-      const auto& part = grid->content().parts[k];
-      const bool measured = std::ranges::find(part.origin, Origin::kMeasured) != part.origin.end();
-      note(part.theta_i, reflectance::grid_albedo(*grid, k, measured ? Region::kMeasured : Region::kAll),
-           measured ? "measured region" : "grid");
-    }
-    return largest;
-  }
-  for (const auto& light : plot::incidences_of(brdf)) {
-    auto found = reflectance::albedo(brdf, reflectance::from_spherical(light.theta_i, light.phi_i),
-                                     {.tolerance = 1e-4});
-    for (std::size_t c = 0; c < found.value.size() && c < found.dirac.size(); ++c) {
-      found.value[c] += found.dirac[c];
-    }
-    note(light.theta_i, found.value, "hemisphere");
-  }
-  return largest;
-}
-
-/// Helmholtz reciprocity f(a -> b) = f(b -> a) between pairs of incidences, out of the plane as well.
-void add_reciprocity(const Brdf& brdf, ordered_json& json, Rows& rows) {
-  if (brdf.type() != ScatterType::kBrdf) {
-    return;
-  }
-  constexpr std::array<double, 4> kThetas_deg = {10, 20, 40, 60};
-  std::vector<double> differences;
-  std::vector<double> forward(brdf.channels());
-  std::vector<double> backward(brdf.channels());
-  for (const double a_deg : kThetas_deg) {
-    for (const double b_deg : kThetas_deg) {
-      for (double phi_deg = 15; a_deg < b_deg && phi_deg <= 180; phi_deg += 15) {
-        const Direction a = reflectance::from_spherical(radians(a_deg), 0);
-        const Direction b = reflectance::from_spherical(radians(b_deg), radians(phi_deg));
-        const auto usable = [](Origin origin) {
-          return origin == Origin::kMeasured || origin == Origin::kInterpolated;
-        };
-        if (!usable(brdf.eval(a, b, forward)) || !usable(brdf.eval(b, a, backward))) {
-          continue;
-        }
-        for (std::size_t c = 0; c < brdf.channels(); ++c) {
-          const double mean = 0.5 * (forward[c] + backward[c]);
-          if (mean > 0) {
-            differences.push_back(std::abs(forward[c] - backward[c]) / mean);
-          }
-        }
-      }
-    }
-  }
-  if (differences.empty()) {
-    rows.push_back({"reciprocity", "cannot be told: no pair of directions has a value both ways"});
-    json["reciprocity"] = nullptr;
-    return;
-  }
-  std::ranges::sort(differences);
-  const double median = differences[differences.size() / 2];
-  json["reciprocity"] = {{"pairs", differences.size()},
-                         {"median_relative_difference", median},
-                         {"largest_relative_difference", differences.back()}};
-  rows.push_back({"reciprocity",
-                  fmt::format("f(a to b) and f(b to a) differ by {:.2f} % (median of {}), at most {:.2f} %",
-                              100 * median, differences.size(), 100 * differences.back())});
-}
-
-void add_coverage(const GridBrdf& grid, ordered_json& json, Rows& rows) {
-  std::array<double, 4> share{};
-  double whole = 0;
-  for (const auto& part : grid.content().parts) {
-    for (std::size_t node = 0; node < part.origin.size(); ++node) {
-      const double solid_angle_sr = grid.solid_angle_sr(node);
-      share.at(static_cast<std::size_t>(part.origin[node])) += solid_angle_sr;
-      whole += solid_angle_sr;
-    }
-  }
-  for (double& each : share) {
-    each /= whole;
-  }
-  json["coverage"] = {
+ordered_json to_json(const OriginShares& share) {
+  return {
       {"measured", share[1]}, {"interpolated", share[2]}, {"extrapolated", share[3]}, {"invalid", share[0]}};
-  rows.push_back(
-      {"coverage", fmt::format("{:.2f} % measured, {:.2f} % interpolated, {:.2f} % extrapolated, {:.2f} % "
-                               "without a value",
-                               100 * share[1], 100 * share[2], 100 * share[3], 100 * share[0])});
+}
+
+ordered_json to_json(const std::optional<Deviation>& deviation) {
+  return deviation ? ordered_json{{"pairs", deviation->pairs},
+                                  {"median_relative_difference", deviation->median},
+                                  {"relative_rms", deviation->relative_rms}}
+                   : ordered_json(nullptr);
+}
+
+std::string text_of(const std::optional<Deviation>& deviation, std::string_view subject) {
+  return deviation ? fmt::format("{} differ by {:.3g} % (median of {} pairs), {:.3g} % rms", subject,
+                                 100 * deviation->median, deviation->pairs, 100 * deviation->relative_rms)
+                   : std::string("cannot be told: no pair of directions has a value both ways");
+}
+
+/// With the Dirac component, which the integral does not hold.
+std::vector<double> whole_albedo(const IncidenceInspection& incidence) {
+  std::vector<double> whole = incidence.albedo.value;
+  for (std::size_t c = 0; c < whole.size() && c < incidence.albedo.dirac.size(); ++c) {
+    whole[c] += incidence.albedo.dirac[c];
+  }
+  return whole;
+}
+
+const std::map<std::string, std::string>* metadata_of(const Brdf& brdf) {
+  if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {
+    return &grid->content().metadata;
+  }
+  if (const auto* grid = dynamic_cast<const SpecularGridBrdf*>(&brdf)) {
+    return &grid->content().metadata;
+  }
+  return nullptr;
+}
+
+std::string shape_of(const Brdf& brdf) {
+  if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {
+    const auto& content = grid->content();
+    return fmt::format("about the normal: {} incidences, {} x {} directions, {:.4g} deg",
+                       content.parts.size(), content.theta_count, content.phi_count,
+                       degrees(content.theta_step));
+  }
+  if (const auto* grid = dynamic_cast<const SpecularGridBrdf*>(&brdf)) {
+    const auto& content = grid->content();
+    return fmt::format("about the mirror direction: {} rotations, {} incidences, {} azimuths x {} radials{}",
+                       content.rotation.size(), content.theta_i.size(), content.azimuth.size(),
+                       content.radial.size(), content.plane_symmetric ? ", plane-symmetric" : "");
+  }
+  return {};
+}
+
+/// One row per line of the value.
+void add_lines(std::string key, std::string_view value, Rows& rows) {
+  while (!value.empty()) {
+    const std::size_t end = std::min(value.find('\n'), value.size());
+    rows.push_back({std::exchange(key, ""), std::string(value.substr(0, end))});
+    value.remove_prefix(std::min(end + 1, value.size()));
+  }
+}
+
+/// Rows of one line per incidence, and the same as JSON.
+void add_incidences(const Brdf& brdf, const Inspection& found, ordered_json& json, std::string& text) {
+  const auto* grid = dynamic_cast<const GridBrdf*>(&brdf);
+  Rows rows = {{"incidence", "measured", "interpolated", "extrapolated", "no value", "albedo",
+                "of it extrapolated", "mirror halves differ"}};
+  if (grid != nullptr) {
+    rows.front().insert(rows.front().begin() + 6, "over the measured part");
+  }
+  const auto percent = [](double share) { return fmt::format("{:.1f} %", 100 * share); };
+  auto& list = json["albedo"] = ordered_json::array();
+  for (std::size_t k = 0; k < found.incidences.size(); ++k) {
+    const IncidenceInspection& incidence = found.incidences[k];
+    const std::vector<double> whole = whole_albedo(incidence);
+    ordered_json entry = {{"rotation_deg", degrees(incidence.rotation_rad)},
+                          {"theta_i_deg", degrees(incidence.theta_i)},
+                          {"phi_i_deg", degrees(incidence.phi_i)},
+                          {"albedo", whole},
+                          {"dirac", incidence.albedo.dirac},
+                          {"quadrature_error", incidence.albedo.error},
+                          {"extrapolated_share", incidence.extrapolated_albedo_share},
+                          {"gains_energy", incidence.gains_energy},
+                          {"coverage", to_json(incidence.coverage)},
+                          {"mirror_symmetry", to_json(incidence.mirror_symmetry)}};
+    const OriginShares& share = incidence.coverage;
+    std::vector<std::string> row = {plot::angle_text(incidence.theta_i),
+                                    percent(share[1]),
+                                    percent(share[2]),
+                                    percent(share[3]),
+                                    percent(share[0]),
+                                    numbers(whole, 4)};
+    if (grid != nullptr && k < grid->content().parts.size()) {
+      const auto measured = reflectance::grid_albedo(*grid, k, Region::kMeasured);
+      entry["albedo_measured_region"] = measured;
+      row.push_back(numbers(measured, 4));
+    }
+    row.push_back(percent(incidence.extrapolated_albedo_share));
+    row.push_back(incidence.mirror_symmetry ? fmt::format("{:.3g} %", 100 * incidence.mirror_symmetry->median)
+                                            : std::string("-"));
+    rows.push_back(std::move(row));
+    list.push_back(std::move(entry));
+  }
+  text += '\n';
+  text += text_table(rows);
+}
+
+/// Total scatter as the file states it, beside what its values give.
+void add_totals(const Inspection& found, ordered_json& json, std::string& text) {
+  Rows rows = {{"incidence", "channel", "TIS stated", "recomputed", "ratio", "held to the horizon", ""}};
+  auto& list = json["tis"] = ordered_json::array();
+  std::size_t differing = 0;
+  for (const IncidenceInspection& incidence : found.incidences) {
+    for (const auto& total : incidence.totals) {
+      list.push_back({{"rotation_deg", degrees(incidence.rotation_rad)},
+                      {"theta_i_deg", degrees(incidence.theta_i)},
+                      {"channel", total.channel},
+                      {"stated", total.stated},
+                      {"recomputed", total.recomputed},
+                      {"ratio", total.ratio},
+                      {"recomputed_held_to_horizon", total.held},
+                      {"differs", total.differs}});
+      rows.push_back({plot::angle_text(incidence.theta_i), std::to_string(total.channel),
+                      fmt::format("{:.4g}", total.stated), fmt::format("{:.4g}", total.recomputed),
+                      fmt::format("{:.3f}", total.ratio), fmt::format("{:.4g}", total.held),
+                      std::string(total.differs ? "differs" : "")});
+      differing += total.differs;
+    }
+  }
+  if (list.empty()) {
+    return;
+  }
+  auto& warnings = json["warnings"];
+  text += '\n';
+  text += text_table(rows);
+  if (differing > 0) {
+    warnings.push_back(
+        fmt::format("{} of {} stated totals differ from the values' own integral by more than 5 %: "
+                    "trust the recomputed ones",
+                    differing, list.size()));
+  }
+  if (found.looks_cosine_weighted) {
+    warnings.push_back(
+        "the totals fit the integral without cosine: the file probably holds f cos(theta_o), not f");
+  }
 }
 
 }  // namespace
 
 Answer describe_brdf(const std::string& name, const Brdf& brdf) {
+  const Inspection found = reflectance::inspect(brdf);
   Answer answer;
   auto& json = answer.json;
-  const char* type = brdf.type() == ScatterType::kBtdf ? "BTDF" : "BRDF";
+  const char* type = brdf.type() == reflectance::ScatterType::kBtdf ? "BTDF" : "BRDF";
   const std::vector<float> wavelengths(brdf.wavelengths_nm().begin(), brdf.wavelengths_nm().end());
+  double largest = 0;
   std::vector<double> incidences_deg;
-  for (const auto& light : plot::incidences_of(brdf)) {
-    incidences_deg.push_back(degrees(light.theta_i));
+  for (const auto& incidence : found.incidences) {
+    incidences_deg.push_back(degrees(incidence.theta_i));
+    largest = std::max(largest, std::ranges::max(whole_albedo(incidence)));
   }
   json = {{"kind", "brdf"},
           {"name", name},
           {"type", type},
           {"channels", brdf.channels()},
           {"wavelengths_nm", wavelengths},
-          {"incidences_deg", incidences_deg}};
+          {"incidences_deg", incidences_deg},
+          {"coverage", to_json(found.origin_shares)},
+          {"energy", {{"largest_albedo", largest}, {"conserved", !found.gains_energy}}},
+          {"reciprocity", to_json(found.reciprocity)},
+          {"mirror_symmetry", to_json(found.mirror_symmetry)},
+          {"warnings", ordered_json::array()}};
   Rows rows = {{type, name},
                {"channels", wavelengths.empty()
                                 ? std::to_string(brdf.channels())
                                 : fmt::format("{} at {} nm", brdf.channels(), fmt::join(wavelengths, ", "))}};
-  const auto* grid = dynamic_cast<const GridBrdf*>(&brdf);
-  if (grid != nullptr) {
-    const auto& content = grid->content();
-    rows.push_back(
-        {"grid", fmt::format("{} incidences, {} x {} directions, {:.4g} deg", content.parts.size(),
-                             content.theta_count, content.phi_count, degrees(content.theta_step))});
+  if (std::string shape = shape_of(brdf); !shape.empty()) {
+    rows.push_back({"grid", std::move(shape)});
   }
-  const double largest = add_albedo(brdf, json, rows);
-  json["energy"] = {{"largest_albedo", largest}, {"conserved", largest <= 1}};
-  rows.push_back(
-      {"energy", largest <= 1 ? "conserved" : "more light leaves than arrives: the data are wrong"});
-  add_reciprocity(brdf, json, rows);
-  if (grid != nullptr) {
-    add_coverage(*grid, json, rows);
-    json["metadata"] = grid->content().metadata;
-    for (const auto& [key, value] : grid->content().metadata) {
-      rows.push_back({key, value});
+  const OriginShares& share = found.origin_shares;
+  rows.push_back({"coverage", fmt::format("of the hemisphere {:.1f} % measured, {:.1f} % interpolated, "
+                                          "{:.1f} % extrapolated, {:.1f} % without a value",
+                                          100 * share[1], 100 * share[2], 100 * share[3], 100 * share[0])});
+  rows.push_back({"energy", found.gains_energy
+                                ? fmt::format("more light leaves than arrives (largest albedo {:.4f}): the "
+                                              "data are wrong, or hold extrapolated values that are",
+                                              largest)
+                                : fmt::format("conserved, largest albedo {:.4f}", largest)});
+  if (brdf.type() == reflectance::ScatterType::kBrdf) {
+    rows.push_back({"reciprocity", text_of(found.reciprocity, "f(a to b) and f(b to a)")});
+  }
+  rows.push_back({"symmetry", text_of(found.mirror_symmetry, "the halves beside the plane of incidence")});
+  std::string tables;
+  add_incidences(brdf, found, json, tables);
+  add_totals(found, json, tables);
+  for (const auto& warning : json["warnings"]) {
+    rows.push_back({"warning", warning.get<std::string>()});
+  }
+  if (const auto* metadata = metadata_of(brdf)) {
+    json["metadata"] = *metadata;
+    for (const auto& [key, value] : *metadata) {
+      // The reader's notes on totals say in sentences what the table below shows.
+      if (key != "notes" || json["tis"].empty()) {
+        add_lines(key, value, rows);
+      }
     }
   }
-  answer.text = text_table(rows);
+  answer.text = text_table(rows) + tables;
   return answer;
 }
 

@@ -3,106 +3,104 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
-#include <filesystem>
 #include <memory>
 
-#include "host_sdk/formats/exr_tiles.h"
-#include "host_sdk/formats/minidiff.h"
-#include "host_sdk/formats/native_exr.h"
-#include "host_sdk/formats/open_brdf.h"
+#include "host_sdk/formats/save_brdf.h"
+#include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/models/model_spec.h"
+#include "host_sdk/reflectance/specular_grid_brdf.h"
 #include "tools/scatter/files.h"
-#include "tools/scatter/grid_of.h"
+#include "tools/scatter/preparation.h"
 #include "tools/scatter/verb.h"
+#include "tools/scatter/writing_options.h"
 
 namespace scatter::cli {
 namespace {
 
-namespace fs = std::filesystem;
-
 struct Options {
   std::string input;
   std::string output;
-  std::string format;
+  WritingOptions writing;
+  PreparationOptions preparation;
 };
 
-using Bytes = Result<std::string>;
-
-Bytes as_grid(const reflectance::Brdf& brdf, Bytes (*encode)(const reflectance::GridBrdf& grid)) {
-  const auto grid = grid_of(brdf, plot::incidences_of(brdf));
-  return grid ? encode(**grid) : Bytes(std::unexpected(grid.error()));
+/// The data's own nodes go into a format that can hold them; everything else is asked of a chain.
+bool keeps_nodes(const reflectance::Brdf& brdf, const formats::Writer& writer,
+                 const WritingOptions& writing) {
+  if (!writing.incidences_deg.empty() || writing.step_deg > 0) {
+    return false;
+  }
+  const bool about_mirror = dynamic_cast<const reflectance::SpecularGridBrdf*>(&brdf) != nullptr;
+  switch (writer.format) {
+    case formats::Format::kNativeExr:
+    case formats::Format::kMiniDiff:
+      return !about_mirror;
+    case formats::Format::kBird:
+      return true;
+    case formats::Format::kZemax:
+      return about_mirror;
+    default:
+      return false;
+  }
 }
 
-/// A format that can be written.
-struct Writer {
-  const char* name;
-  const char* meaning;
-  Bytes (*encode)(const reflectance::Brdf& brdf, bool model);
-};
-
-const Writer kWriters[] = {
-    {"minidiff", "MiniDiff / LightTools text (.bsdf)",
-     [](const reflectance::Brdf& brdf, bool) { return as_grid(brdf, formats::encode_minidiff); }},
-    {"exr", "native grid with uncertainty and origin (.exr)",
-     [](const reflectance::Brdf& brdf, bool) { return as_grid(brdf, formats::encode_native_exr); }},
-    {"tiles", "one tile per incidence for shaders (.exr)",
-     [](const reflectance::Brdf& brdf, bool model) {
-       return formats::encode_exr_tiles(brdf, {.method = model ? "model" : "measured"});
-     }},
-};
-
-std::string writable() {
-  std::string text;
-  for (const Writer& writer : kWriters) {
-    text += fmt::format("{}{}: {}", text.empty() ? "" : ", ", writer.name, writer.meaning);
+/// Chains take the sample as isotropic; data of several rotations answer by themselves.
+bool rotated(const reflectance::Brdf& brdf) {
+  if (const auto* grid = dynamic_cast<const reflectance::SpecularGridBrdf*>(&brdf)) {
+    return grid->content().rotation.size() > 1;
   }
-  return text;
-}
-
-Result<const Writer*> choose(const Options& options) {
-  std::string wanted = options.format;
-  if (wanted.empty()) {
-    std::string extension = fs::path(options.output).extension().string();
-    std::ranges::transform(extension, extension.begin(),
-                           [](unsigned char c) { return char(std::tolower(c)); });
-    if (extension != ".bsdf" && extension != ".exr") {
-      return fail(ErrorCode::kInvalidArgument,
-                  fmt::format("the extension '{}' of '{}' names no format that can be written", extension,
-                              options.output),
-                  "use .bsdf (MiniDiff), .exr, or --format with one of: " + writable());
-    }
-    wanted = extension == ".bsdf" ? "minidiff" : "exr";
+  if (const auto* grid = dynamic_cast<const reflectance::GridBrdf*>(&brdf)) {
+    const auto& parts = grid->content().parts;
+    return std::ranges::any_of(
+        parts, [&](const auto& part) { return part.rotation_rad != parts.front().rotation_rad; });
   }
-  for (const Writer& writer : kWriters) {
-    if (wanted == writer.name) {
-      return &writer;
-    }
-  }
-  return fail(ErrorCode::kUnimplemented, fmt::format("the format '{}' cannot be written", wanted),
-              "use --format with one of: " + writable());
+  return false;
 }
 
 Result<Answer> run(const Options& options) {
-  const auto writer = choose(options);
+  const auto writer = chosen_writer(options.writing, options.output);
   if (!writer) {
     return std::unexpected(writer.error());
   }
-  const auto brdf = formats::open_brdf(options.input);
-  if (!brdf) {
-    return std::unexpected(brdf.error());
+  auto encode = encode_options(options.writing);
+  if (!encode) {
+    return std::unexpected(encode.error());
   }
-  const bool model = reflectance::is_model_spec(options.input);
-  const auto bytes = (*writer)->encode(**brdf, model);
+  const auto data = open_data(options.input);
+  if (!data) {
+    return std::unexpected(data.error());
+  }
+  const bool plain = keeps_nodes(**data, **writer, options.writing) || rotated(**data);
+  const auto prepared = prepare(*data, options.preparation, plain ? "" : "default");
+  if (!prepared) {
+    return std::unexpected(prepared.error());
+  }
+  if (reflectance::is_model_spec(options.input)) {
+    encode->method = "model";
+    encode->metadata["model"] = options.input;
+  }
+  encode->metadata.insert(prepared->metadata.begin(), prepared->metadata.end());
+  if (prepared->brdf != *data && encode->theta_i.empty()) {
+    encode->theta_i = prepared->theta_i;
+  }
+  const auto bytes = formats::encode_brdf(*prepared->brdf, **writer, *encode);
   if (!bytes) {
     return std::unexpected(bytes.error());
   }
-  const auto written = write_file(options.output, *bytes);
-  if (!written) {
+  if (const auto written = write_file(options.output, *bytes); !written) {
     return std::unexpected(written.error());
   }
   Answer answer;
-  answer.json = {{"format", (*writer)->name}, {"files", {options.output}}};
-  answer.text = fmt::format("{}: {}\n", options.output, (*writer)->meaning);
+  answer.json = {{"format", (*writer)->word},
+                 {"losses", (*writer)->losses},
+                 {"notes", prepared->notes},
+                 {"bytes", bytes->size()},
+                 {"files", {options.output}}};
+  answer.text =
+      fmt::format("{}: {}\n  does not keep: {}\n", options.output, (*writer)->meaning, (*writer)->losses);
+  for (const std::string& note : prepared->notes) {
+    answer.text += fmt::format("  {}\n", note);
+  }
   return answer;
 }
 
@@ -113,7 +111,8 @@ Verb add_convert(CLI::App& root) {
   auto options = std::make_shared<Options>();
   app->add_option("in", options->input, "File or model")->required();
   app->add_option("out", options->output, "File to write")->required();
-  app->add_option("--format", options->format, "Format to write, whatever the extension says; " + writable());
+  add_writing_options(*app, options->writing);
+  add_preparation_options(*app, options->preparation);
   return {app, [options](const Context&) { return run(*options); }};
 }
 
