@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "host_sdk/formats/sample_list_brdf.h"
+#include "host_sdk/reflectance/adaptive_brdf.h"
+#include "host_sdk/reflectance/half_difference_brdf.h"
 
 namespace scatter::formats {
 namespace {
@@ -238,6 +240,10 @@ Metadata metadata_of(const Brdf& brdf, const EncodeOptions& options) {
     own = &specular->content().metadata;
   } else if (const auto* list = dynamic_cast<const SampleListBrdf*>(&brdf)) {
     own = &list->samples().metadata;
+  } else if (const auto* adaptive = dynamic_cast<const reflectance::AdaptiveBrdf*>(&brdf)) {
+    own = &adaptive->content().metadata;
+  } else if (const auto* table = dynamic_cast<const reflectance::HalfDifferenceBrdf*>(&brdf)) {
+    own = &table->content().metadata;
   }
   if (own != nullptr) {
     metadata.insert(own->begin(), own->end());

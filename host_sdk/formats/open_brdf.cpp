@@ -6,11 +6,16 @@
 #include <string>
 #include <utility>
 
+#include "host_sdk/formats/bird.h"
 #include "host_sdk/formats/classify.h"
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/formats/merl.h"
+#include "host_sdk/formats/merl.h"
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
+#include "host_sdk/formats/rgl.h"
+#include "host_sdk/formats/rgl.h"
 #include "host_sdk/formats/zemax.h"
 #include "host_sdk/reflectance/models/model_spec.h"
 
@@ -19,7 +24,7 @@ namespace {
 
 using reflectance::Brdf;
 
-constexpr const char* kReadable = "use a Zemax, MiniDiff, OpenEXR grid or OpenEXR tile file";
+constexpr const char* kReadable = "use a Zemax, MiniDiff, MERL, RGL, OpenEXR grid or OpenEXR tile file";
 
 template <typename T>
 Result<std::shared_ptr<const Brdf>> shared(Result<T> brdf) {
@@ -43,11 +48,11 @@ Result<std::shared_ptr<const Brdf>> decode_brdf(std::string_view bytes, std::str
     case Format::kExrTiles:
       return shared(decode_exr_tiles(bytes, name_of_file));
     case Format::kRgl:
+      return shared(decode_rgl(bytes, name_of_file));
     case Format::kMerl:
+      return shared(decode_merl(bytes, name_of_file));
     case Format::kBird:
-      return fail(ErrorCode::kUnimplemented,
-                  fmt::format("{}: is a {} file, which is not read yet", name_of_file, name(format)),
-                  kReadable);
+      return decode_bird(bytes, name_of_file);
     case Format::kRecording:
       return fail(ErrorCode::kInvalidArgument,
                   fmt::format("{}: is a recording, which holds raw frames and no BRDF", name_of_file),

@@ -11,8 +11,7 @@ namespace scatter::formats {
 
 /// "ggx:alpha=0.2,f0=0.04" (reflectance/models/model_spec.h), "file:PATH" or "PATH". Files are
 /// recognized by their content.
-/// Errors  those of the readers; kUnimplemented: a known format that is not read yet;
-///         kInvalidArgument: no format that is known; kNotFound.
+/// Errors  those of the readers; kInvalidArgument: no format that is known; kNotFound.
 [[nodiscard]] Result<std::shared_ptr<const reflectance::Brdf>> open_brdf(std::string_view path_or_spec);
 
 /// The same for a file image; `name` goes into messages.

@@ -9,11 +9,15 @@
 #include <utility>
 #include <vector>
 
+#include "host_sdk/formats/bird.h"
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
 #include "host_sdk/formats/grid_to_write.h"
+#include "host_sdk/formats/merl.h"
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
+#include "host_sdk/formats/rgl.h"
+#include "host_sdk/formats/sample_list_brdf.h"
 #include "host_sdk/formats/text_scanner.h"
 #include "host_sdk/formats/zemax.h"
 
@@ -53,6 +57,16 @@ Bytes zemax(const Brdf& brdf, const EncodeOptions& options) {
               : Bytes(std::unexpected(grid.error()));
 }
 
+Bytes merl(const Brdf& brdf, const EncodeOptions& /*options*/) {
+  return encode_merl(brdf);
+}
+
+Bytes rgl(const Brdf& brdf, const EncodeOptions& options) {
+  reflectance::AdaptOptions adapt;
+  adapt.theta_i = options.theta_i;
+  return encode_rgl(brdf, adapt);
+}
+
 /// One line per format that can be written; the first of an extension is its default.
 constexpr std::array kWriters{
     Writer{Format::kNativeExr, "exr", ".exr", "OpenEXR grid about the normal, lossless (.exr)",
@@ -65,6 +79,13 @@ constexpr std::array kWriters{
            zemax},
     Writer{Format::kMiniDiff, "minidiff", ".bsdf", "MiniDiff / LightTools BSDF, text (.bsdf)",
            "uncertainty, digits beyond the seventh", false, minidiff},
+    Writer{Format::kBird, "bird", ".brdf", "BiRD JSON, schema v1.0 (.brdf)",
+           "transmission cannot be written; nodes without a value, digits of angles beyond the tenth", false,
+           encode_bird},
+    Writer{Format::kMerl, "merl", ".binary", "MERL, half and difference angles (.binary)",
+           "anisotropy, detail finer than a cell of 1 deg, uncertainty, origins, metadata", true, merl},
+    Writer{Format::kRgl, "rgl", ".bsdf", "RGL tensor, for Mitsuba 3 and pbrt-v4 (.bsdf)",
+           "detail between its nodes (mean error below 1 %), uncertainty", false, rgl},
 };
 
 /// Channels nearest to red, green and blue, as the instrument's light-emitting diodes are.
@@ -128,6 +149,11 @@ Result<std::string> encode_brdf(const Brdf& brdf, const Writer& writer, const En
   if (options.digits < 0 || options.digits > 17) {
     return fail(ErrorCode::kInvalidArgument, fmt::format("{} digits, expected 1..17", options.digits),
                 "leave it out or choose 4 to 9");
+  }
+  if (writer.format != Format::kBird && dynamic_cast<const SampleListBrdf*>(&brdf) != nullptr) {
+    return fail(ErrorCode::kFailedPrecondition,
+                fmt::format("the samples are scattered, the format {} needs a grid", writer.word),
+                "interpolate them by a chain of estimators first, or write bird, which takes lists");
   }
   std::vector<std::size_t> chosen;
   if (options.channel) {
