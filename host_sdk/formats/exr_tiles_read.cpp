@@ -18,7 +18,7 @@ Result<SpecularGridBrdf> decode_exr_tiles(std::string_view bytes, std::string_vi
     return fail(ErrorCode::kInvalidArgument,
                 fmt::format("{}: is an atlas of {} materials: {}", name, file->atlas_names.size(),
                             fmt::join(file->atlas_names, ", ")),
-                "name one of its materials");
+                fmt::format("name one of its materials: {}#{}", name, file->atlas_names.front()));
   }
   return file->brdf(0, name);
 }

@@ -8,13 +8,12 @@
 
 #include "host_sdk/formats/bird.h"
 #include "host_sdk/formats/classify.h"
+#include "host_sdk/formats/exr_atlas.h"
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
 #include "host_sdk/formats/merl.h"
-#include "host_sdk/formats/merl.h"
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
-#include "host_sdk/formats/rgl.h"
 #include "host_sdk/formats/rgl.h"
 #include "host_sdk/formats/zemax.h"
 #include "host_sdk/reflectance/models/model_spec.h"
@@ -32,6 +31,24 @@ Result<std::shared_ptr<const Brdf>> shared(Result<T> brdf) {
     return std::unexpected(std::move(brdf.error()));
   }
   return std::make_shared<const T>(std::move(*brdf));
+}
+
+Result<std::shared_ptr<const Brdf>> material_of_atlas(std::string_view bytes, std::string_view file,
+                                                      std::string_view material) {
+  auto entries = decode_exr_atlas(bytes, file);
+  if (!entries) {
+    return std::unexpected(std::move(entries.error()));
+  }
+  std::string names;
+  for (AtlasEntry& entry : *entries) {
+    if (entry.name == material) {
+      return std::make_shared<const reflectance::SpecularGridBrdf>(std::move(entry.brdf));
+    }
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", entry.name);
+  }
+  return fail(ErrorCode::kNotFound, fmt::format("{}: has no material named '{}'", file, material),
+              names.empty() ? std::string("leave the part behind '#' out: the file holds one material")
+                            : fmt::format("use one of: {}", names));
 }
 
 }  // namespace
@@ -78,6 +95,13 @@ Result<std::shared_ptr<const Brdf>> open_brdf(std::string_view path_or_spec) {
     path_or_spec.remove_prefix(kFile.size());
   }
   auto bytes = read_file(std::filesystem::path(path_or_spec));
+  if (const std::size_t mark = path_or_spec.rfind('#');
+      !bytes && bytes.error().code == ErrorCode::kNotFound && mark != std::string_view::npos) {
+    const std::string_view path = path_or_spec.substr(0, mark);
+    if (const auto atlas = read_file(std::filesystem::path(path))) {
+      return material_of_atlas(*atlas, path, path_or_spec.substr(mark + 1));
+    }
+  }
   if (!bytes) {
     if (bytes.error().code == ErrorCode::kNotFound) {
       bytes.error().remedy +=

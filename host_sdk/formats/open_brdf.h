@@ -9,8 +9,8 @@
 
 namespace scatter::formats {
 
-/// "ggx:alpha=0.2,f0=0.04" (reflectance/models/model_spec.h), "file:PATH" or "PATH". Files are
-/// recognized by their content.
+/// "ggx:alpha=0.2,f0=0.04" (reflectance/models/model_spec.h), "file:PATH" or "PATH"; of an atlas
+/// "PATH#NAME", NAME being one of its materials. Files are recognized by their content.
 /// Errors  those of the readers; kInvalidArgument: no format that is known; kNotFound.
 [[nodiscard]] Result<std::shared_ptr<const reflectance::Brdf>> open_brdf(std::string_view path_or_spec);
 

@@ -46,6 +46,7 @@ struct Verb {
 [[nodiscard]] Verb add_inspect(CLI::App& root);
 [[nodiscard]] Verb add_convert(CLI::App& root);
 [[nodiscard]] Verb add_merge(CLI::App& root);
+[[nodiscard]] Verb add_atlas(CLI::App& root);
 [[nodiscard]] Verb add_compare(CLI::App& root);
 [[nodiscard]] Verb add_fit(CLI::App& root);
 [[nodiscard]] Verb add_plot(CLI::App& root);

@@ -7,7 +7,11 @@
 
 #include "host_sdk/formats/save_brdf.h"
 #include "host_sdk/reflectance/estimators/merge.h"
+#include "host_sdk/reflectance/estimators/scattered_brdf.h"
+#include "host_sdk/reflectance/grid_brdf.h"
+#include "host_sdk/reflectance/specular_grid_brdf.h"
 #include "tools/scatter/files.h"
+#include "tools/scatter/grid_of.h"
 #include "tools/scatter/preparation.h"
 #include "tools/scatter/verb.h"
 #include "tools/scatter/writing_options.h"
@@ -26,6 +30,20 @@ std::size_t channel_for(const reflectance::Brdf& brdf, std::size_t colour) {
   return brdf.channels() == 3 ? colour : 0;
 }
 
+/// Grids and lists of samples have points to merge; everything else is put on a grid about the normal.
+Result<std::shared_ptr<const reflectance::Brdf>> with_points(std::shared_ptr<const reflectance::Brdf> data) {
+  if (dynamic_cast<const reflectance::GridBrdf*>(data.get()) != nullptr ||
+      dynamic_cast<const reflectance::SpecularGridBrdf*>(data.get()) != nullptr ||
+      dynamic_cast<const reflectance::ScatteredBrdf*>(data.get()) != nullptr) {
+    return data;
+  }
+  auto grid = grid_of(*data, plot::incidences_of(*data));
+  if (!grid) {
+    return std::unexpected(grid.error());
+  }
+  return *grid;
+}
+
 Result<Answer> run(const Options& options) {
   constexpr std::array kColours = {"red", "green", "blue"};
   const auto writer = chosen_writer(options.writing, options.output);
@@ -42,7 +60,11 @@ Result<Answer> run(const Options& options) {
     if (!data) {
       return std::unexpected(data.error());
     }
-    sources.push_back({.brdf = *data, .channel = channel_for(**data, c), .name = kColours[c]});
+    const auto points = with_points(*data);
+    if (!points) {
+      return std::unexpected(points.error());
+    }
+    sources.push_back({.brdf = *points, .channel = channel_for(**data, c), .name = kColours[c]});
   }
   const auto merged = reflectance::merge_channels(sources);
   if (!merged) {

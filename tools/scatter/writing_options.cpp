@@ -35,22 +35,26 @@ Status read_tile(const std::string& text, formats::EncodeOptions& out) {
 
 }  // namespace
 
-void add_writing_options(CLI::App& app, WritingOptions& options) {
-  app.add_option("--format", options.format, "Format to write, whatever the extension says; " + writable());
+void add_tile_options(CLI::App& app, WritingOptions& options) {
   app.add_option("--incidences", options.incidences_deg,
                  "Incidences to write [deg], ascending, for example 0,10,20; those of the data otherwise")
       ->delimiter(',')
       ->check(CLI::Range(0.0, 89.9));
+  app.add_flag("--float", options.full_floats, "Tiles: float instead of half");
+  app.add_option("--tile", options.tile, "Size of a tile [texels], default 360x180");
+  app.add_option("--columns", options.columns, "Tiles per row; near-square otherwise")
+      ->check(CLI::Range(1, 1000));
+}
+
+void add_writing_options(CLI::App& app, WritingOptions& options) {
+  app.add_option("--format", options.format, "Format to write, whatever the extension says; " + writable());
   app.add_option("--step", options.step_deg, "Grid step [deg]; the data's own otherwise, or 1")
       ->check(CLI::Range(0.05, 30.0));
   app.add_option("--channel", options.channel, "Write this channel alone, counted from 0")
       ->check(CLI::Range(0, 1000));
   app.add_option("--digits", options.digits, "Significant digits of text formats")->check(CLI::Range(1, 17));
   app.add_flag("--rgb", options.rgb, "Zemax: sections R G B as they are, instead of tristimulus values");
-  app.add_flag("--float", options.full_floats, "Tiles and atlas: float instead of half");
-  app.add_option("--tile", options.tile, "Size of a tile [texels], default 360x180");
-  app.add_option("--columns", options.columns, "Tiles per row; near-square otherwise")
-      ->check(CLI::Range(1, 1000));
+  add_tile_options(app, options);
 }
 
 Result<const formats::Writer*> chosen_writer(const WritingOptions& options, const std::string& file) {

@@ -27,6 +27,8 @@ struct WritingOptions {
 };
 
 void add_writing_options(CLI::App& app, WritingOptions& options);
+/// Only those that tiles have: incidences, precision, size, columns.
+void add_tile_options(CLI::App& app, WritingOptions& options);
 
 /// The writer that the format or the file's extension names.
 [[nodiscard]] Result<const formats::Writer*> chosen_writer(const WritingOptions& options,

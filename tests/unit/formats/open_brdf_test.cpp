@@ -1,9 +1,11 @@
 #include "host_sdk/formats/open_brdf.h"
 
+#include <array>
 #include <catch2/catch.hpp>
 #include <filesystem>
 
 #include "host_sdk/formats/classify.h"
+#include "host_sdk/formats/exr_atlas.h"
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
 #include "host_sdk/formats/minidiff.h"
@@ -48,7 +50,7 @@ TEST_CASE("Real files are told apart although three of them end in .bsdf") {
   }
   if (const auto path = test::real_data("rgl/ilm_solo_m_68_rgb.bsdf"); path) {
     REQUIRE(classify(read_file(*path).value()) == Format::kRgl);
-    REQUIRE(open_brdf(path->string()).error().code == ErrorCode::kUnimplemented);
+    REQUIRE(open_brdf(path->string()).value()->channels() == 3);
   }
   for (const char* name : {"bird/example_generation_a.brdf", "bird/generation_c.json"}) {
     if (const auto path = test::real_data(name); path) {
@@ -81,4 +83,25 @@ TEST_CASE("Models open by spec, and what is neither says how to name one") {
   REQUIRE(missing.error().code == ErrorCode::kNotFound);
   REQUIRE(missing.error().remedy.find("lambertian:0.5") != std::string::npos);
   REQUIRE(open_brdf("file:ggx:alpha=0.2").error().code == ErrorCode::kNotFound);
+}
+
+TEST_CASE("A material of an atlas opens by the name behind the file's") {
+  const auto folder = std::filesystem::temp_directory_path() / "scatter_open_atlas_test";
+  std::filesystem::create_directories(folder);
+  const auto path = folder / "two.exr";
+  const auto dark = make_model("lambertian:0.1").value();
+  const auto bright = make_model("lambertian:0.8").value();
+  const AtlasMaterial materials[] = {{"dark", dark.get()}, {"bright", bright.get()}};
+  REQUIRE(write_exr_atlas(materials, path, {.tiles = {.width = 8, .height = 8}}).has_value());
+  const auto opened = open_brdf(path.string() + "#bright");
+  REQUIRE(opened.has_value());
+  std::array<double, 3> f{};
+  REQUIRE((*opened)->eval({0, 0, 1}, {0, 0, 1}, f) != Origin::kInvalid);
+  REQUIRE(f[0] == Approx(0.8 / kPi).epsilon(1e-3));  // half floats
+  const auto unnamed = open_brdf(path.string());
+  REQUIRE(unnamed.error().remedy.find("#dark") != std::string::npos);
+  const auto wrong = open_brdf(path.string() + "#grey");
+  REQUIRE(wrong.error().code == ErrorCode::kNotFound);
+  REQUIRE(wrong.error().remedy.find("dark, bright") != std::string::npos);
+  std::filesystem::remove_all(folder);
 }

@@ -45,7 +45,7 @@ TEST_CASE("inspect says albedo, energy and reciprocity of a model") {
   CHECK(found["mirror_symmetry"]["relative_rms"].get<double>() < 1e-9);
 }
 
-TEST_CASE("A model survives conversion to MiniDiff, native EXR and tiles") {
+TEST_CASE("A model survives conversion to every format that can be written") {
   const Scratch folder;
   const std::string model = "ggx:alpha=0.3,f0=0.04,albedo=0.2";
   struct Case {
@@ -53,9 +53,13 @@ TEST_CASE("A model survives conversion to MiniDiff, native EXR and tiles") {
     std::vector<std::string> options;
     double limit;
   };
-  // MiniDiff keeps seven digits and EXR floats; tiles are half floats on another grid.
+  // MiniDiff keeps seven digits and EXR floats; tiles are half floats on another grid, Zemax has four digits
+  // on another grid, MERL and RGL cells of 1 deg and more.
   for (const Case& each :
-       {Case{"x.bsdf", {}, 1e-6}, Case{"x.exr", {}, 1e-6}, Case{"t.exr", {"--format", "tiles"}, 0.01}}) {
+       {Case{"x.bsdf", {"--format", "minidiff"}, 1e-6}, Case{"x.exr", {}, 1e-6},
+        Case{"x.brdf", {"--format", "bird"}, 1e-6}, Case{"t.exr", {"--format", "tiles"}, 0.01},
+        Case{"z.bsdf", {"--format", "zemax"}, 0.001}, Case{"m.binary", {"--format", "merl"}, 0.01},
+        Case{"r.bsdf", {"--format", "rgl"}, 0.02}}) {
     INFO(each.file);
     const std::string file = folder / each.file;
     std::vector<std::string> arguments = {"convert", model, file};
@@ -63,6 +67,55 @@ TEST_CASE("A model survives conversion to MiniDiff, native EXR and tiles") {
     REQUIRE(scatter(arguments).status == 0);
     const auto found = answer({"compare", file, model, "--region", "all", "--json"});
     CHECK(found["median_relative_error"].get<double>() < each.limit);
+  }
+}
+
+TEST_CASE("merge takes each colour from its own file") {
+  const Scratch folder;
+  for (const char* albedo : {"0.1", "0.4", "0.7"}) {
+    REQUIRE(scatter({"convert", std::string("lambertian:") + albedo, folder / albedo, "--format", "minidiff",
+                     "--channel", "0"})
+                .status == 0);
+  }
+  const std::string merged = folder / "rgb.exr";
+  const auto found = answer({"merge", merged, folder / "0.1", folder / "0.4", folder / "0.7", "--json"});
+  CHECK(found["estimated"] == 0);
+  const auto apart = answer({"compare", merged, "lambertian:0.1/0.4/0.7", "--json"});
+  CHECK(apart["p99_relative_error"].get<double>() < 1e-6);
+}
+
+TEST_CASE("atlas holds every material under its name") {
+  const Scratch folder;
+  const std::string file = folder / "two.exr";
+  const auto found = answer({"atlas", file, "lambertian:0.2", "lambertian:0.6", "--names", "dark,light",
+                             "--tile", "16x8", "--json"});
+  CHECK(found["materials"] == json({"dark", "light"}));
+  const auto apart = answer({"compare", file + "#light", "lambertian:0.6", "--region", "all", "--json"});
+  CHECK(apart["p99_relative_error"].get<double>() < 1e-3);  // half floats
+}
+
+TEST_CASE("convert fills, averages and says so") {
+  const Scratch folder;
+  const std::string grid = folder / "grid.exr";
+  const auto found = answer(
+      {"convert", "ggx:alpha=0.3", grid, "--mirror", "--reciprocal", "--fill", "--chain", "none", "--json"});
+  CHECK(found["notes"].size() == 4);  // put on a grid, and the three steps
+  const auto metadata = answer({"inspect", grid, "--json"})["metadata"];
+  for (const char* key : {"mirror_symmetry", "reciprocity", "blind_spots"}) {
+    CHECK(metadata.contains(key));
+  }
+}
+
+TEST_CASE("inspect draws, and shows the total scatter that a file states beside its own integral") {
+  const Scratch folder;
+  const std::string file = folder / "z.bsdf";
+  REQUIRE(scatter({"convert", "lambertian:0.5", file, "--format", "zemax", "--channel", "0"}).status == 0);
+  const auto found = answer({"inspect", file, "-o", folder / "h.png", "--json"});
+  CHECK(contents(folder / "h.png").substr(1, 3) == "PNG");
+  REQUIRE_FALSE(found["tis"].empty());
+  for (const auto& total : found["tis"]) {
+    CHECK(total["stated"].get<double>() == Approx(0.5).margin(1e-3));
+    CHECK(total["ratio"].get<double>() == Approx(1).margin(0.01));
   }
 }
 
