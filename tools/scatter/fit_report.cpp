@@ -192,7 +192,7 @@ Answer fit_report(const FitResult& result, const std::vector<FamilyScore>& score
   answer.text = fmt::format("{}: mean relative error {} over {} directions\n", name(result.family),
                             percent(result.mean_relative_error), result.samples);
   if (!result.spec.empty()) {
-    answer.text += result.spec + "\n";
+    answer.text += fmt::format("{}\n", result.spec);
   }
   answer.text += fmt::format("\n{}\n{}", parameters_text(result), incidences_text(result));
   if (!scores.empty()) {

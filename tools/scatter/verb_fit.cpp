@@ -108,7 +108,7 @@ Result<Answer> run(const Options& options, const Context& context) {
   const rf::FitOptions fit_options{.residual = residual_of(options.residual), .stop = context.stop};
   rf::Selection selection;
   if (family) {
-    bar.show(0, "fitting " + name(*family));
+    bar.show(0, fmt::format("fitting {}", name(*family)));
     auto result = rf::fit(*samples, *family, fit_options);
     if (!result) {
       bar.clear();
@@ -160,7 +160,7 @@ Result<Answer> run(const Options& options, const Context& context) {
   }
   answer.json["files"] = files;
   for (const std::string& file : files) {
-    answer.text += "\n" + file + "\n";
+    answer.text += fmt::format("\n{}\n", file);
   }
   return answer;
 }

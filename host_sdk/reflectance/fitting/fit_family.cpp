@@ -28,7 +28,8 @@ std::string_view word_of(FitLobe lobe) {
 
 std::unexpected<Error> bad(std::string_view name, const std::string& why) {
   return fail(ErrorCode::kInvalidArgument, fmt::format("model family '{}': {}", name, why),
-              "use lambert, oren-nayar, disney, gltf, or one or two of ggx, beckmann, cook-torrance, ward, "
+              "use lambert, oren-nayar, disney, gltf, metallic-roughness, or one or two of ggx, beckmann, "
+              "cook-torrance, ward, "
               "lafortune, joined by +, for example oren-nayar+ggx or ggx2");
 }
 
@@ -40,6 +41,9 @@ Result<FitFamily> fit_family(std::string_view name) {
   }
   if (name == "gltf") {
     return FitFamily{.whole = FitWhole::kGltf};
+  }
+  if (name == "metallic-roughness") {
+    return FitFamily{.whole = FitWhole::kMetallicRoughness};
   }
   FitFamily family;
   std::string_view rest = name;
@@ -74,8 +78,15 @@ Result<FitFamily> fit_family(std::string_view name) {
 }
 
 std::string name(const FitFamily& family) {
-  if (family.whole != FitWhole::kNone) {
-    return family.whole == FitWhole::kDisney ? "disney" : "gltf";
+  switch (family.whole) {
+    case FitWhole::kNone:
+      break;
+    case FitWhole::kDisney:
+      return "disney";
+    case FitWhole::kGltf:
+      return "gltf";
+    case FitWhole::kMetallicRoughness:
+      return "metallic-roughness";
   }
   std::string text;
   const bool lambert = family.base == FitBase::kLambert;

@@ -27,6 +27,9 @@ enum class FitWhole : std::uint8_t {
   /// glTF 2.0 (specification, appendix B) with KHR_materials_ior and KHR_materials_specular: base
   /// colour, metallic, roughness, specular (factor) and f0 of the dielectric.
   kGltf,
+  /// The same with specular = 1: what engines and converters that know metallic, roughness and F0
+  /// have in common.
+  kMetallicRoughness,
 };
 
 /// Base plus at most two lobes, or a whole model.
@@ -38,9 +41,9 @@ struct FitFamily {
   friend bool operator==(const FitFamily&, const FitFamily&) = default;
 };
 
-/// "ggx", "oren-nayar+ward", "ggx2", "lambert+ggx+ward", "lambert", "oren-nayar", "disney", "gltf": an
-/// optional base (Lambert when none is named) and up to two of ggx, beckmann, cook-torrance, ward, lafortune;
-/// a 2 behind a lobe doubles it.
+/// "ggx", "oren-nayar+ward", "ggx2", "lambert+ggx+ward", "lambert", "oren-nayar": an optional base
+/// (Lambert when none is named) and up to two of ggx, beckmann, cook-torrance, ward, lafortune; a 2
+/// behind a lobe doubles it. Or a whole model: "disney", "gltf", "metallic-roughness".
 /// Errors    kInvalidArgument naming the word and what there is.
 [[nodiscard]] Result<FitFamily> fit_family(std::string_view name);
 

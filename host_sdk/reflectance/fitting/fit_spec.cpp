@@ -53,7 +53,7 @@ std::string model_spec(const FittedBrdf::Parameters& parameters) {
   if (parameters.channels != 1 && parameters.channels != 3) {
     return {};
   }
-  if (family.whole == FitWhole::kGltf) {
+  if (family.whole == FitWhole::kGltf || family.whole == FitWhole::kMetallicRoughness) {
     return {};
   }
   if (family.whole == FitWhole::kDisney) {

@@ -101,13 +101,15 @@ void disney_terms(const std::array<T, 3>& shape, std::span<const Geometry> geome
 
 /// glTF: mix(dielectric, metal, metallic), the dielectric being mix(c / pi, lobe, F) with F from f0 to
 /// `specular` at grazing angles, the metal the lobe with Schlick's F from c. Linear in the colour c.
-/// T is double or a Jet over (roughness, metallic, specular, f0).
+/// T is double or a Jet over (roughness, metallic, f0, specular); without the last, specular is 1.
 /// Source  glTF 2.0 specification, B.2 and B.3; KHR_materials_specular, KHR_materials_ior.
-template <typename T>
-void gltf_terms(const std::array<T, 4>& shape, std::span<const Geometry> geometries, const Layout& layout,
-                std::span<double> out) {
-  const auto& [roughness, metallic, specular, f0] = shape;
-  const T alpha = roughness * roughness;
+template <typename T, std::size_t kShapes>
+void gltf_terms(const std::array<T, kShapes>& shape, std::span<const Geometry> geometries,
+                const Layout& layout, std::span<double> out) {
+  const T& metallic = shape[1];
+  const T& f0 = shape[2];
+  const T specular = kShapes == 4 ? shape[kShapes - 1] : T(1.0);
+  const T alpha = shape[0] * shape[0];
   for (std::size_t k = 0; k < geometries.size(); ++k) {
     const Geometry& g = geometries[k];
     const double s = formulas::schlick_weight(g.cos_d);
@@ -191,9 +193,15 @@ void all_terms(const FitFamily& family, std::span<const double> shape, std::span
   }
   if (family.whole == FitWhole::kGltf) {
     using T = std::conditional_t<kDerivatives, ceres::Jet<double, 4>, double>;
-    gltf_terms<T>(
+    gltf_terms<T, 4>(
         {variable<T>(shape, 0), variable<T>(shape, 1), variable<T>(shape, 2), variable<T>(shape, 3)},
         geometries, layout, out);
+    return;
+  }
+  if (family.whole == FitWhole::kMetallicRoughness) {
+    using T = std::conditional_t<kDerivatives, ceres::Jet<double, 3>, double>;
+    gltf_terms<T, 3>({variable<T>(shape, 0), variable<T>(shape, 1), variable<T>(shape, 2)}, geometries,
+                     layout, out);
     return;
   }
   base_terms<kDerivatives>(family, shape, geometries, layout, out);
@@ -226,12 +234,15 @@ void all_terms(const FitFamily& family, std::span<const double> shape, std::span
 }  // namespace
 
 std::vector<ShapeParameter> shape_parameters(const FitFamily& family) {
-  if (family.whole == FitWhole::kGltf) {
+  if (family.whole == FitWhole::kGltf || family.whole == FitWhole::kMetallicRoughness) {
     // f0 0.25 is an index of 3, the most that KHR_materials_ior's users mean.
-    return {{"roughness", 0.04, 1, false, {0.15, 0.3, 0.5, 0.8}},
-            {"metallic", 0, 1, false, {0.05, 0.5, 0.95}},
-            {"specular", 0, 1, false, {0.8}},
-            {"f0", 0, 0.25, false, {0.05}}};
+    std::vector<ShapeParameter> all{{"roughness", 0.04, 1, false, {0.15, 0.3, 0.5, 0.8}},
+                                    {"metallic", 0, 1, false, {0.05, 0.5, 0.95}},
+                                    {"f0", 0, 0.25, false, {0.05}}};
+    if (family.whole == FitWhole::kGltf) {
+      all.push_back({"specular", 0, 1, false, {0.8}});
+    }
+    return all;
   }
   if (family.whole == FitWhole::kDisney) {
     return {{"roughness", 0.04, 1, false, {0.15, 0.3, 0.5, 0.8}},

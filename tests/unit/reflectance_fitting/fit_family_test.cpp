@@ -5,9 +5,9 @@
 namespace scatter::reflectance {
 
 TEST_CASE("Family names read back as written", "[fit_family]") {
-  for (const char* text :
-       {"lambert", "oren-nayar", "ggx", "ward", "lafortune", "beckmann", "cook-torrance", "disney",
-        "oren-nayar+ggx", "ggx2", "oren-nayar+ward2", "ggx+ward", "beckmann+lafortune"}) {
+  for (const char* text : {"lambert", "oren-nayar", "ggx", "ward", "lafortune", "beckmann", "cook-torrance",
+                           "disney", "gltf", "metallic-roughness", "oren-nayar+ggx", "ggx2",
+                           "oren-nayar+ward2", "ggx+ward", "beckmann+lafortune"}) {
     CAPTURE(text);
     const auto family = fit_family(text);
     REQUIRE(family);

@@ -17,7 +17,7 @@ TEST_CASE("Derivatives of the terms are those of difference quotients", "[fit_te
   }
   for (const char* text :
        {"oren-nayar", "ggx", "beckmann", "cook-torrance", "ward", "lafortune", "ggx2", "ward2",
-        "oren-nayar+ggx+ward", "oren-nayar+cook-torrance+beckmann", "disney", "gltf"}) {
+        "oren-nayar+ggx+ward", "oren-nayar+cook-torrance+beckmann", "disney", "gltf", "metallic-roughness"}) {
     const FitFamily family = fit_family(text).value();
     const auto parameters = shape_parameters(family);
     const std::size_t stride = 1 + coefficients(family).size();
