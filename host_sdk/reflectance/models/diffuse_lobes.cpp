@@ -1,27 +1,12 @@
 #include "host_sdk/reflectance/models/block_kernels.h"
+#include "host_sdk/reflectance/models/cosine_lobe.h"
 #include "host_sdk/reflectance/models/formulas/oren_nayar.h"
 #include "host_sdk/reflectance/models/lobes.h"
-#include "host_sdk/reflectance/models/warp.h"
 
 namespace scatter::reflectance {
 namespace {
 
-/// Draws by the cosine, as every diffuse lobe does.
-template <typename Derived>
-class CosineLobe : public FormulaLobe<Derived> {
- public:
-  [[nodiscard]] Direction sample(const Direction& omega_i, double u1, double u2,
-                                 double u3) const noexcept override {
-    (void)omega_i, (void)u3;
-    return warp::cosine(u1, u2);
-  }
-  [[nodiscard]] double pdf(const Direction& omega_i, const Direction& omega_o) const noexcept override {
-    (void)omega_i;
-    return omega_o.z > 0 ? omega_o.z / kPi : 0.0;
-  }
-};
-
-class LambertLobe final : public CosineLobe<LambertLobe> {
+class LambertLobe final : public FormulaLobe<LambertLobe, CosineLobe> {
  public:
   explicit LambertLobe(const ChannelValues& albedo) noexcept : albedo_(albedo) {
     for (std::size_t c = 0; c < kModelChannels; ++c) {
@@ -51,7 +36,7 @@ class LambertLobe final : public CosineLobe<LambertLobe> {
   ChannelValues f_per_sr_{};
 };
 
-class OrenNayarLobe final : public CosineLobe<OrenNayarLobe> {
+class OrenNayarLobe final : public FormulaLobe<OrenNayarLobe, CosineLobe> {
  public:
   OrenNayarLobe(const ChannelValues& albedo, const ChannelValues& sigma) noexcept
       : albedo_(albedo), sigma_(sigma) {}

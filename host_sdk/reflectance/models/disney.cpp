@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "host_sdk/reflectance/models/cosine_lobe.h"
 #include "host_sdk/reflectance/models/formulas/disney.h"
 #include "host_sdk/reflectance/models/formulas/fresnel.h"
 #include "host_sdk/reflectance/models/lobe.h"
@@ -17,7 +18,7 @@ double mix(double a, double b, double t) noexcept {
 }
 
 /// Base, subsurface and sheen; weighted by 1 - metallic outside.
-class DisneyBaseLobe final : public FormulaLobe<DisneyBaseLobe> {
+class DisneyBaseLobe final : public FormulaLobe<DisneyBaseLobe, CosineLobe> {
  public:
   explicit DisneyBaseLobe(const Disney::Parameters& p) noexcept
       : color_(p.base_color), roughness_(p.roughness), subsurface_(p.subsurface) {
@@ -44,15 +45,6 @@ class DisneyBaseLobe final : public FormulaLobe<DisneyBaseLobe> {
       out[c] += sheen_[c] * grazing;
     }
     return out;
-  }
-  [[nodiscard]] Direction sample(const Direction& omega_i, double u1, double u2,
-                                 double u3) const noexcept override {
-    (void)omega_i, (void)u3;
-    return warp::cosine(u1, u2);
-  }
-  [[nodiscard]] double pdf(const Direction& omega_i, const Direction& omega_o) const noexcept override {
-    (void)omega_i;
-    return omega_o.z > 0 ? omega_o.z / kPi : 0.0;
   }
 
  private:

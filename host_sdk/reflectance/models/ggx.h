@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include "host_sdk/reflectance/models/lobe_model.h"
 #include "host_sdk/reflectance/models/model_channels.h"
@@ -25,6 +26,10 @@ class Ggx final : public LobeModel {
   explicit Ggx(const Parameters& parameters);
 
   [[nodiscard]] const Parameters& parameters() const noexcept { return parameters_; }
+
+  /// The sum of the lobes in one piece: the model that photons meet most often.
+  [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
+                            std::span<double> f_per_sr) const noexcept override;
 
  private:
   Parameters parameters_;

@@ -43,8 +43,8 @@ class Lobe {
 
 /// `add` from a formula, and `add_block` lane by lane where no kernel does it: Derived has
 /// `void value(const formulas::Geometry&, ChannelValues& out) const noexcept` [1/sr].
-template <typename Derived>
-class FormulaLobe : public Lobe {
+template <typename Derived, typename Base = Lobe>
+class FormulaLobe : public Base {
  public:
   void add(const formulas::Geometry& g, const ChannelValues& weight,
            std::span<double, kModelChannels> f_per_sr) const noexcept final {
@@ -64,6 +64,10 @@ class FormulaLobe : public Lobe {
       }
     }
   }
+
+ private:
+  friend Derived;
+  FormulaLobe() = default;
 };
 
 }  // namespace scatter::reflectance
