@@ -11,199 +11,13 @@
 #include <hwy/highway.h>
 
 #include "host_sdk/reflectance/angle_simd-inl.h"
+#include "host_sdk/reflectance/grid_cells_simd-inl.h"
 #include "host_sdk/reflectance/grid_lookup_simd-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace scatter::reflectance::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
-
-/// Outgoing direction seen from the mirror direction of the light, which is its z.
-template <class D>
-struct Offset {
-  hn::Vec<D> x, y, z;
-};
-
-/// Two incidences around that of the light, and what turns an offset into their frames.
-template <class D>
-struct Bracket {
-  hn::Vec<D> lower, upper;
-  hn::Vec<D> lower_cos, lower_sin, upper_cos, upper_sin;
-  hn::Vec<D> lower_column, upper_column;
-  hn::Vec<D> share;
-  hn::Mask<D> outside, valid;
-};
-
-template <class D>
-HWY_INLINE hn::Mask<D> Never(D d) {
-  return hn::MaskFromVec(hn::Zero(d));
-}
-
-/// The cell of a direction in a block.
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE Cell<D> CellOf(D d, const NormalLookup& grid, V x, V y, V z, V column_offset) {
-  const V theta = UpperAngle(d, hn::Sqrt(hn::MulAdd(x, x, hn::Mul(y, y))), z);
-  const V phi = FullAngle(d, y, x);
-  const V last_row = SetTo(d, grid.last_row);
-  const V columns = SetTo(d, grid.column_count);
-  Cell<D> cell;
-  V row = hn::Mul(theta, SetTo(d, grid.row_per_rad));
-  cell.beyond = hn::Gt(row, SetTo(d, grid.last_row + grid.same_node));
-  cell.unsure = Never(d);
-  if constexpr (kIsFloat<D>) {
-    cell.unsure = hn::Lt(hn::Abs(hn::Sub(row, last_row)), SetTo(d, kUnsureInFloat));
-  }
-  row = hn::Min(row, last_row);
-  V column = hn::MulAdd(phi, SetTo(d, grid.column_per_rad), column_offset);
-  column = hn::Sub(column, hn::IfThenElseZero(hn::Ge(column, columns), columns));
-  V row_below;
-  V column_below;
-  Split(d, row, grid.same_node, row_below, cell.row_share);
-  Split(d, column, grid.same_node, column_below, cell.column_share);
-  column_below = hn::Sub(column_below, hn::IfThenElseZero(hn::Ge(column_below, columns), columns));
-  cell.found = hn::And(hn::And(hn::Ge(row_below, hn::Zero(d)), hn::Le(row_below, last_row)),
-                       hn::And(hn::Ge(column_below, hn::Zero(d)), hn::Lt(column_below, columns)));
-  cell.node = hn::MulAdd(row_below, SetTo(d, static_cast<double>(grid.table.columns())), column_below);
-  return cell;
-}
-
-/// Node below an angle on an axis and the share of the next one.
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE void Place(D d, const AngleAxis& axis, double same_angle, V angle, V& below, V& share,
-                      hn::Mask<D>& outside, hn::Mask<D>& unsure) {
-  using T = hn::TFromD<D>;
-  const V first = SetTo(d, axis.nodes.front());
-  const V last = SetTo(d, axis.nodes.back());
-  if (axis.open_low) {
-    outside = hn::Or(outside, hn::Lt(angle, SetTo(d, axis.nodes.front() - same_angle)));
-    unsure = hn::Or(unsure, hn::Lt(hn::Abs(hn::Sub(angle, first)), SetTo(d, kUnsureAngle)));
-  }
-  if (axis.open_high) {
-    outside = hn::Or(outside, hn::Gt(angle, SetTo(d, axis.nodes.back() + same_angle)));
-    unsure = hn::Or(unsure, hn::Lt(hn::Abs(hn::Sub(angle, last)), SetTo(d, kUnsureAngle)));
-  }
-  const V inside = hn::Max(first, hn::Min(angle, last));
-  if (axis.equal_steps) {
-    Split(d, hn::Mul(hn::Sub(inside, first), SetTo(d, axis.per_rad)), same_angle * axis.per_rad, below,
-          share);
-    return;
-  }
-  HWY_ALIGN std::array<T, HWY_MAX_BYTES / sizeof(T)> value;
-  HWY_ALIGN std::array<T, HWY_MAX_BYTES / sizeof(T)> rest;
-  hn::Store(inside, d, value.data());
-  const std::size_t top = axis.nodes.size() - 1;
-  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
-    const double at = static_cast<double>(value[lane]);
-    std::size_t node = 0;
-    if (at > axis.nodes.front()) {
-      const auto slice = static_cast<std::size_t>((at - axis.nodes.front()) * axis.guess_per_rad);
-      node = axis.guess[std::min(slice, axis.guess.size() - 1)];
-      while (node < top && axis.nodes[node + 1] <= at + same_angle) {
-        ++node;
-      }
-    }
-    rest[lane] = node == top || std::abs(at - axis.nodes[node]) <= same_angle
-                     ? T{0}
-                     : static_cast<T>((at - axis.nodes[node]) / (axis.nodes[node + 1] - axis.nodes[node]));
-    value[lane] = static_cast<T>(node);
-  }
-  below = hn::Load(d, value.data());
-  share = hn::Load(d, rest.data());
-}
-
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE Cell<D> CellOf(D d, const SpecularLookup& grid, const Offset<D>& offset) {
-  const V rho =
-      UpperAngle(d, hn::Sqrt(hn::MulAdd(offset.x, offset.x, hn::Mul(offset.y, offset.y))), offset.z);
-  V psi = grid.folded ? UpperAngle(d, hn::Abs(offset.y), offset.x) : FullAngle(d, offset.y, offset.x);
-  if (grid.periodic) {
-    const V first = SetTo(d, grid.azimuth.nodes.front() - grid.same_angle);
-    psi = hn::Add(psi, hn::IfThenElseZero(hn::Lt(psi, first), SetTo(d, 2 * kPi)));
-  }
-  Cell<D> cell;
-  cell.beyond = Never(d);
-  cell.unsure = Never(d);
-  V row;
-  V column;
-  Place(d, grid.azimuth, grid.same_angle, psi, row, cell.row_share, cell.beyond, cell.unsure);
-  Place(d, grid.radial, grid.same_angle, rho, column, cell.column_share, cell.beyond, cell.unsure);
-  const V rows = SetTo(d, static_cast<double>(grid.azimuth.nodes.size()));
-  const V columns = SetTo(d, static_cast<double>(grid.radial.nodes.size()));
-  cell.found = hn::And(hn::And(hn::Ge(row, hn::Zero(d)), hn::Lt(row, rows)),
-                       hn::And(hn::Ge(column, hn::Zero(d)), hn::Lt(column, columns)));
-  cell.node = hn::MulAdd(row, SetTo(d, static_cast<double>(grid.table.columns())), column);
-  return cell;
-}
-
-/// Entries of a short table, one per lane; index holds whole numbers.
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE V Pick(D d, const std::vector<float>& table, std::size_t count,
-                  hn::Vec<hn::RebindToSigned<D>> index) {
-  if (HWY_LIKELY(count <= hn::Lanes(d))) {
-    return hn::TableLookupLanes(hn::LoadU(d, table.data()), hn::IndicesFromVec(d, index));
-  }
-  return hn::GatherIndex(d, table.data(), index);
-}
-
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE Bracket<D> BracketOf(D d, const IncidenceAxis& axis, V sin_i, V cos_i) {
-  const hn::RebindToSigned<D> whole;
-  const V not_below = SetTo(d, -axis.same_angle);
-  V reached = hn::Zero(d);
-  for (std::size_t p = 0; p < axis.count; ++p) {
-    // sin(theta_i - theta of p): the sign decides, and it needs no angle.
-    const V from = hn::MulSub(sin_i, hn::Set(d, axis.cosine[p]), hn::Mul(cos_i, hn::Set(d, axis.sine[p])));
-    reached = hn::Add(reached, hn::IfThenElseZero(hn::Ge(from, not_below), hn::Set(d, 1.0F)));
-  }
-  const V top = hn::Set(d, static_cast<float>(axis.count - 1));
-  Bracket<D> b;
-  b.lower = hn::Max(hn::Sub(reached, hn::Set(d, 1.0F)), hn::Zero(d));
-  const auto lower = hn::ConvertTo(whole, b.lower);
-  b.lower_cos = Pick(d, axis.cosine, axis.count, lower);
-  b.lower_sin = Pick(d, axis.sine, axis.count, lower);
-  const V from_lower = hn::MulSub(sin_i, b.lower_cos, hn::Mul(cos_i, b.lower_sin));
-  const auto none = hn::Eq(reached, hn::Zero(d));
-  const auto exact = hn::And(hn::Not(none), hn::Le(hn::Abs(from_lower), SetTo(d, axis.same_angle)));
-  b.outside = hn::Or(none, hn::And(hn::Not(exact), hn::Eq(b.lower, top)));
-  const auto alone = hn::Or(exact, b.outside);
-  b.upper = hn::IfThenElse(alone, b.lower, hn::Add(b.lower, hn::Set(d, 1.0F)));
-  const auto upper = hn::ConvertTo(whole, b.upper);
-  b.share = hn::IfThenZeroElse(
-      alone, hn::Mul(hn::Sub(UpperAngle(d, sin_i, cos_i), Pick(d, axis.theta, axis.count, lower)),
-                     Pick(d, axis.inverse_gap, axis.count, lower)));
-  b.lower_column = Pick(d, axis.column_offset, axis.count, lower);
-  b.upper_column = Pick(d, axis.column_offset, axis.count, upper);
-  // An incidence of the grid itself needs no turning.
-  b.upper_cos = hn::IfThenElse(exact, cos_i, Pick(d, axis.cosine, axis.count, upper));
-  b.upper_sin = hn::IfThenElse(exact, sin_i, Pick(d, axis.sine, axis.count, upper));
-  b.lower_cos = hn::IfThenElse(exact, cos_i, b.lower_cos);
-  b.lower_sin = hn::IfThenElse(exact, sin_i, b.lower_sin);
-  return b;
-}
-
-template <class D, class V = hn::Vec<D>>
-HWY_INLINE Bracket<D> BracketAndOffset(D d, const IncidenceAxis& axis, bool transmits, double lowest_z,
-                                       const hn::TFromD<D>* omega_i, const hn::TFromD<D>* omega_o,
-                                       Offset<D>& offset) {
-  V ix, iy, iz, ox, oy, oz;
-  hn::LoadInterleaved3(d, omega_i, ix, iy, iz);
-  hn::LoadInterleaved3(d, omega_o, ox, oy, oz);
-  const V up = transmits ? hn::Neg(oz) : oz;
-  const V sin_i = hn::Sqrt(hn::MulAdd(ix, ix, hn::Mul(iy, iy)));
-  const auto normal = hn::Lt(sin_i, SetTo(d, axis.same_angle));
-  const V inverse = hn::Div(SetTo(d, 1.0), hn::Max(sin_i, SetTo(d, 1e-30)));
-  const V c = hn::IfThenElse(normal, SetTo(d, axis.normal_cos_phi), hn::Mul(ix, inverse));
-  const V s = hn::IfThenElse(normal, SetTo(d, axis.normal_sin_phi), hn::Mul(iy, inverse));
-  const V along = hn::MulAdd(ox, c, hn::Mul(oy, s));
-  offset.x = hn::MulAdd(along, iz, hn::Mul(up, sin_i));
-  offset.y = hn::MulSub(oy, c, hn::Mul(ox, s));
-  offset.z = hn::MulSub(up, iz, hn::Mul(along, sin_i));
-  Bracket<D> b = BracketOf(d, axis, sin_i, iz);
-  // x == x is false for NaN only, which every component of either direction puts into x or y.
-  const auto numbers = hn::And(hn::Eq(offset.x, offset.x), hn::Eq(offset.y, offset.y));
-  b.valid = hn::And(numbers, hn::And(hn::Gt(iz, hn::Zero(d)), hn::Gt(up, SetTo(d, lowest_z))));
-  return b;
-}
 
 template <class D>
 HWY_INLINE hn::Vec<hn::Rebind<std::int32_t, D>> ToIndex(hn::Vec<D> whole) {
@@ -414,13 +228,27 @@ HWY_INLINE OnePair PrepareOne(const IncidenceAxis& axis, bool transmits, double 
   return p;
 }
 
-/// Angles of eight points with y >= 0.
-HWY_INLINE void EightAngles(const std::array<double, 8>& y, const std::array<double, 8>& x,
-                            std::array<double, 8>& angle) {
-  const hn::CappedTag<double, 8> d;
-  for (std::size_t k = 0; k < y.size(); k += hn::Lanes(d)) {
-    hn::StoreU(UpperAngle(d, hn::LoadU(d, &y[k]), hn::LoadU(d, &x[k])), d, &angle[k]);
-  }
+using One = hn::CappedTag<double, 1>;
+
+/// Angle of one point with y >= 0. Several calls overlap; packing them into one register would wait for
+/// its lanes to be stored.
+HWY_INLINE double OneAngle(double y, double x) {
+  const One d;
+  return hn::GetLane(UpperAngle(d, hn::Set(d, y), hn::Set(d, x)));
+}
+
+/// Cell of one direction in a block; false when it is no direction.
+HWY_INLINE bool LocateOne(const NormalLookup& grid, std::size_t block, const Direction& w,
+                          double column_offset, std::size_t place, bool& beyond, Located<double>& located) {
+  const One d;
+  const auto cell =
+      CellOf(d, grid, hn::Set(d, w.x), hn::Set(d, w.y), hn::Set(d, w.z), hn::Set(d, column_offset));
+  located.node[place][0] = static_cast<std::int32_t>(block * grid.table.nodes_per_block()) +
+                           static_cast<std::int32_t>(hn::GetLane(cell.node));
+  located.row_share[place][0] = hn::GetLane(cell.row_share);
+  located.column_share[place][0] = hn::GetLane(cell.column_share);
+  beyond = beyond || hn::AllTrue(d, cell.beyond);
+  return hn::AllTrue(d, cell.found);
 }
 
 HWY_INLINE Origin MixOne(const CellTable& table, const OnePair& p, bool beyond, Located<double>& located,
@@ -454,48 +282,14 @@ Origin NormalOne(const NormalLookup& grid, const Direction& omega_i, const Direc
   const double upper_cos = p.exact ? p.cos_i : upper.cosine;
   const double upper_sin = p.exact ? p.sin_i : upper.sine;
   const Direction& q = p.offset;
-  const double lower_x = q.x * lower_cos - q.z * lower_sin;
-  const double upper_x = q.x * upper_cos - q.z * upper_sin;
-  const double y = std::abs(q.y);
-  const double yy = q.y * q.y;
-  HWY_ALIGN std::array<double, 8> angle;
-  EightAngles({std::sqrt(lower_x * lower_x + yy), y, std::sqrt(upper_x * upper_x + yy), y, p.sin_i, 0, 0, 0},
-              {q.x * lower_sin + q.z * lower_cos, lower_x, q.x * upper_sin + q.z * upper_cos, upper_x,
-               p.cos_i, 1, 1, 1},
-              angle);
-  const double column_0 =
-      (q.y < 0 ? 2 * kPi - angle[1] : angle[1]) * grid.column_per_rad + lower.column_offset;
-  const double column_1 =
-      (q.y < 0 ? 2 * kPi - angle[3] : angle[3]) * grid.column_per_rad + upper.column_offset;
-  const double row_0 = angle[0] * grid.row_per_rad;
-  const double row_1 = angle[2] * grid.row_per_rad;
-  const double count = grid.column_count;
-  const hn::CappedTag<double, 4> d;
-  HWY_ALIGN std::array<double, 4> below{
-      std::min(row_0, grid.last_row), column_0 >= count ? column_0 - count : column_0,
-      std::min(row_1, grid.last_row), column_1 >= count ? column_1 - count : column_1};
-  HWY_ALIGN std::array<double, 4> share;
-  for (std::size_t k = 0; k < below.size(); k += hn::Lanes(d)) {
-    hn::Vec<decltype(d)> whole;
-    hn::Vec<decltype(d)> rest;
-    Split(d, hn::Load(d, &below[k]), grid.same_node, whole, rest);
-    hn::Store(whole, d, &below[k]);
-    hn::Store(rest, d, &share[k]);
-  }
   Located<double> located;
-  for (std::size_t b = 0; b < 2; ++b) {
-    const double row = below[2 * b];
-    const double column = below[2 * b + 1] >= count ? below[2 * b + 1] - count : below[2 * b + 1];
-    if (!(row >= 0 && row <= grid.last_row && column >= 0 && column < count)) {
-      return Nothing(f);
-    }
-    located.node[b][0] = static_cast<std::int32_t>(grid.table.index(
-        b == 0 ? p.lower : p.upper, static_cast<std::size_t>(row), static_cast<std::size_t>(column)));
-    located.row_share[b][0] = share[2 * b];
-    located.column_share[b][0] = share[2 * b + 1];
-  }
-  const double end = grid.last_row + grid.same_node;
-  return MixOne(grid.table, p, row_0 > end || row_1 > end, located, angle[4], axis, f);
+  bool beyond = false;
+  const bool found =
+      LocateOne(grid, p.lower, {q.x * lower_cos - q.z * lower_sin, q.y, q.x * lower_sin + q.z * lower_cos},
+                lower.column_offset, 0, beyond, located) &&
+      LocateOne(grid, p.upper, {q.x * upper_cos - q.z * upper_sin, q.y, q.x * upper_sin + q.z * upper_cos},
+                upper.column_offset, 1, beyond, located);
+  return found ? MixOne(grid.table, p, beyond, located, OneAngle(p.sin_i, p.cos_i), axis, f) : Nothing(f);
 }
 
 Origin SpecularOne(const SpecularLookup& grid, const Direction& omega_i, const Direction& omega_o,
@@ -504,7 +298,6 @@ Origin SpecularOne(const SpecularLookup& grid, const Direction& omega_i, const D
   if (!p.valid) {
     return Nothing(f);
   }
-  using One = hn::CappedTag<double, 1>;
   const One d;
   const Offset<One> offset{hn::Set(d, p.offset.x), hn::Set(d, p.offset.y), hn::Set(d, p.offset.z)};
   const auto cell = CellOf(d, grid, offset);
@@ -518,7 +311,7 @@ Origin SpecularOne(const SpecularLookup& grid, const Direction& omega_i, const D
   located.node[1][0] = node + static_cast<std::int32_t>(p.upper) * step;
   located.row_share[0][0] = located.row_share[1][0] = hn::GetLane(cell.row_share);
   located.column_share[0][0] = located.column_share[1][0] = hn::GetLane(cell.column_share);
-  const double theta_i = hn::GetLane(UpperAngle(d, hn::Set(d, p.sin_i), hn::Set(d, p.cos_i)));
+  const double theta_i = OneAngle(p.sin_i, p.cos_i);
   return MixOne(grid.table, p, hn::AllTrue(d, cell.beyond), located, theta_i, grid.incidences, f);
 }
 
