@@ -9,6 +9,7 @@
 #include "host_sdk/reflectance/estimators/edge_extrapolator.h"
 #include "host_sdk/reflectance/estimators/extent.h"
 #include "host_sdk/reflectance/estimators/grid_interpolator.h"
+#include "host_sdk/reflectance/estimators/guided_brdf.h"
 #include "host_sdk/reflectance/estimators/horizon_extrapolator.h"
 #include "host_sdk/reflectance/estimators/incidence_interpolator.h"
 #include "host_sdk/reflectance/estimators/linear_axis_interpolator.h"
@@ -25,8 +26,14 @@ constexpr std::array kIncidenceModes{IncidenceMode::kPlain, IncidenceMode::kSpec
 constexpr std::array kHorizonModes{HorizonMode::kNone, HorizonMode::kLinear, HorizonMode::kConstant,
                                    HorizonMode::kBezier};
 constexpr const char* kAllLinks =
-    "links: neighbors, axis, grid, plain, specular, specular-spline, specular-spline-zero, distorted, none, "
+    "links: neighbors, axis, grid, plain, specular, specular-spline, specular-spline-zero, distorted, "
+    "guided, none, "
     "linear, constant, bezier, clamp, gradient; or default alone";
+
+/// As the person wrote it, or as measured; to the digits that make the same link again.
+std::string from_text(const std::optional<double>& from_deg, double end) {
+  return from_deg ? fmt::format("{}", *from_deg) : fmt::format("{:.9g}", degrees(end));
+}
 
 /// Wraps link after link and writes down what it did.
 class Builder {
@@ -154,7 +161,7 @@ Status Builder::add_horizon(LinkText& link, HorizonMode mode) {
     return std::unexpected(end.error());
   }
   return wrap(link, HorizonExtrapolator::make(chain_.brdf, mode, *end),
-              fmt::format("{}:from={:.9g}", name(mode), degrees(*end)));
+              fmt::format("{}:from={}", name(mode), from_text(*from, *end)));
 }
 
 Status Builder::add_edges(LinkText& link, bool gradient) {
@@ -183,7 +190,7 @@ Status Builder::add_edges(LinkText& link, bool gradient) {
     const auto end = theta_o_end(link, *from);
     if (end) {
       edges.push_back({.axis = Edge::Axis::kThetaO, .at = *end});
-      text += fmt::format(",from={:.9g}", degrees(*end));
+      text += fmt::format(",from={}", from_text(*from, *end));
     } else if (*over == "theta_o") {
       return std::unexpected(end.error());
     }
@@ -246,6 +253,11 @@ Status Builder::add(LinkText& link) {
   }
   if (link.name() == "grid") {
     return add_grid(link);
+  }
+  if (link.name() == "guided") {
+    // Choosing takes up to a second: not before the parameters are known to be right.
+    const Status status = link.done();
+    return status ? wrap(link, GuidedBrdf::make(chain_.brdf, extent_), "guided") : status;
   }
   if (link.name() == "clamp" || link.name() == "gradient") {
     return add_edges(link, link.name() == "gradient");

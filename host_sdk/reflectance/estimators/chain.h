@@ -24,7 +24,7 @@ struct Chain {
 ///   neighbors  k=10 d_max=0.2 k_min=3 epsilon=1e-6   scattered samples only, first link only
 ///   axis       gap=30 turn=90                         likewise
 ///   grid       axis=up|specular step=1
-///   plain | specular | specular-spline | specular-spline-zero | distorted     between incidences
+///   plain | specular | specular-spline | specular-spline-zero | distorted | guided    between incidences
 ///   none | linear | constant | bezier   from=ANGLE    beyond theta_o = ANGLE
 ///   clamp      over=both|theta_i|theta_o from=ANGLE
 ///   gradient   over=both|theta_i|theta_o from=ANGLE p=0 m=15 l=0.5

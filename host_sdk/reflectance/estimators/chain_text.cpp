@@ -9,6 +9,9 @@
 namespace scatter::reflectance {
 namespace {
 
+/// Chains nest; nobody needs more, and a runaway text must not exhaust the stack.
+constexpr std::size_t kMostLinks = 16;
+
 std::unexpected<Error> bad(const std::string& what, const std::string& remedy) {
   return fail(ErrorCode::kInvalidArgument, "chain: " + what, remedy);
 }
@@ -108,6 +111,9 @@ Result<std::vector<LinkText>> parse_chain_text(std::string_view text) {
       const std::string_view name = part.substr(0, colon);
       if (name.empty()) {
         return bad(fmt::format("\"{}\" has no name before the colon", part), "write name:key=value");
+      }
+      if (links.size() == kMostLinks) {
+        return bad(fmt::format("more than {} links", kMostLinks), "shorten the chain");
       }
       links.emplace_back(name);
       if (colon == std::string_view::npos) {

@@ -39,7 +39,8 @@ class LinkText {
   std::string known_;  ///< Keys asked for so far, for the message.
 };
 
-/// Errors  kInvalidArgument: an empty part, a parameter before any link, a parameter without key or value.
+/// Errors  kInvalidArgument: an empty part, a parameter before any link, a parameter without key or value,
+///         more than 16 links.
 [[nodiscard]] Result<std::vector<LinkText>> parse_chain_text(std::string_view text);
 
 }  // namespace scatter::reflectance

@@ -178,12 +178,18 @@ TEST_CASE("A text that is no chain is refused, and the message says what would b
   CHECK(says(refusal(grid, "linear:from=75,from=70"), "twice"));
   CHECK(says(refusal(grid, "linear:to=75"), "no parameter to | linear has the parameters from"));
   CHECK(says(refusal(grid, "specular:from=75"), "no parameter from | give specular without parameters"));
+  CHECK(says(refusal(grid, "guided:family=ggx"), "guided has no parameter family"));
   CHECK(says(refusal(grid, "linear:from=95"), "95 deg, expected between 1 and 90 deg"));
   CHECK(says(refusal(grid, "clamp:over=phi"), "\"phi\", expected one of both, theta_i, theta_o"));
   CHECK(says(refusal(grid, "clamp:over=theta_i,from=60"), "from goes with theta_o"));
   CHECK(says(refusal(grid, "gradient:l=2"), "l in 0..1"));
   CHECK(says(refusal(grid, "grid:step=7"), "360 a multiple"));
   CHECK(says(refusal(grid, "neighbors"), "which this data is not"));
+  std::string many = "clamp";
+  for (int k = 0; k < 16; ++k) {
+    many += ",clamp";
+  }
+  CHECK(says(refusal(grid, many), "more than 16 links"));
   CHECK(says(refusal(grid, "default,clamp"), "no link \"default\""));
   CHECK(says(refusal(measured_rings(), "axis,neighbors"), "an earlier link hides | put neighbors first"));
   CHECK(says(refusal(measured_rings(), "neighbors:k=-1"), "whole number"));
