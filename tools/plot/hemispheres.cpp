@@ -350,11 +350,16 @@ Result<std::string> hemispheres(const GridBrdf& brdf, const HemisphereOptions& o
   constexpr double kRowName = 24;
   constexpr double kColumnName = 30;
   constexpr double kLegend = 104;
-  const double discs_width = double(columns) * options.disc_px + double(columns - 1) * kGap;
+  // With one disc per incidence, several incidences share a line: a strip of twelve nobody looks at.
+  const std::size_t abreast =
+      columns == 1 ? std::min<std::size_t>(4, std::size_t(std::ceil(std::sqrt(double(rows.size()))))) : 1;
+  const std::size_t across = columns * abreast;
+  const std::size_t lines = (rows.size() + abreast - 1) / abreast;
+  const double discs_width = double(across) * options.disc_px + double(across - 1) * kGap;
   const double width = std::max(2 * kMargin + discs_width, 640.0);
   const double head = kMargin + (options.title.empty() ? 0 : 26) + (options.subtitle.empty() ? 0 : 20);
   const double row_height = options.disc_px + kGap + kRowName;
-  const double height = head + kColumnName + double(rows.size()) * row_height + kLegend;
+  const double height = head + kColumnName + double(lines) * row_height + kLegend;
 
   auto page =
       Canvas::make(options.kind, width, height, options.kind == ImageKind::kSvg ? 1 : options.pixel_ratio);
@@ -385,11 +390,12 @@ Result<std::string> hemispheres(const GridBrdf& brdf, const HemisphereOptions& o
          .colour = merged ? colours.text : channel_colour(wavelength, k, content.channels, options.theme)});
   }
   for (std::size_t r = 0; r < rows.size(); ++r) {
-    const double top = head + kColumnName + double(r) * row_height;
-    canvas.text(left, top + 15, row_name(content.parts[rows[r]], rotated),
+    const double top = head + kColumnName + double(r / abreast) * row_height;
+    const double start = left + double(r % abreast) * (options.disc_px + kGap);
+    canvas.text(start, top + 15, row_name(content.parts[rows[r]], rotated),
                 {.size = 12, .bold = true, .colour = colours.text});
     for (std::size_t k = 0; k < columns; ++k) {
-      const Place centre{left + double(k) * (options.disc_px + kGap) + 0.5 * options.disc_px,
+      const Place centre{start + double(k) * (options.disc_px + kGap) + 0.5 * options.disc_px,
                          top + kRowName + 0.5 * options.disc_px};
       draw_disc(canvas, planes[r * columns + k], content.parts[rows[r]], axis, centre, 0.5 * options.disc_px,
                 options);

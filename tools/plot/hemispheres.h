@@ -24,7 +24,8 @@ struct HemisphereOptions {
       12;  ///< Of more incidences, this many are shown, evenly spaced; the picture says so.
 };
 
-/// Draws f [1/sr] of every incidence (rows) and channel (columns).
+/// Draws f [1/sr] of every incidence (rows) and channel (columns); with one column up to four incidences
+/// stand side by side.
 ///
 /// A disc shows the exit hemisphere from outside: the centre is the normal, the radius is proportional to
 /// theta_o, the rim is the horizon, phi = 0 is on the right, phi counts counter-clockwise; circles at

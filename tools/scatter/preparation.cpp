@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
-#include <algorithm>
+#include <filesystem>
 #include <utility>
 
 #include "host_sdk/formats/open_brdf.h"
@@ -102,6 +102,13 @@ Result<std::shared_ptr<const Brdf>> open_data(const std::string& path_or_spec) {
     return *scattered;
   }
   return opened;
+}
+
+std::string shown_name(const std::string& path_or_spec) {
+  std::error_code error;
+  return std::filesystem::exists(path_or_spec, error)
+             ? std::filesystem::path(path_or_spec).filename().string()
+             : path_or_spec;
 }
 
 Result<Prepared> prepare(std::shared_ptr<const Brdf> data, const PreparationOptions& options,

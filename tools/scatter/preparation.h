@@ -38,6 +38,9 @@ struct Prepared {
 /// formats::open_brdf, with lists of samples ready for estimators.
 [[nodiscard]] Result<std::shared_ptr<const reflectance::Brdf>> open_data(const std::string& path_or_spec);
 
+/// For titles and legends: a file's name without its folders, a model's spec as it is.
+[[nodiscard]] std::string shown_name(const std::string& path_or_spec);
+
 /// Averages and fills (on a grid about the normal, onto which other data are put first), then wraps the
 /// chain around the result.
 /// default_chain: what stands for `options.chain` when the person said nothing; "" for no chain.

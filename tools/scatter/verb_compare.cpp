@@ -4,9 +4,11 @@
 
 #include <memory>
 
-#include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/compare.h"
+#include "tools/plot/curves.h"
 #include "tools/plot/ticks.h"
+#include "tools/scatter/files.h"
+#include "tools/scatter/preparation.h"
 #include "tools/scatter/text_table.h"
 #include "tools/scatter/verb.h"
 
@@ -19,6 +21,7 @@ struct Options {
   std::string a;
   std::string b;
   std::string region = "measured";
+  std::string picture;
 };
 
 nlohmann::ordered_json or_null(const std::optional<double>& value) {
@@ -86,12 +89,28 @@ std::string to_text(const reflectance::Comparison& found) {
   return text_table(rows);
 }
 
+/// Both in the plane of incidence, one over the other, at a's incidences.
+Status draw(const Options& options, const reflectance::Brdf& a, const reflectance::Brdf& b) {
+  const auto kind = plot::image_kind(options.picture);
+  if (!kind) {
+    return std::unexpected(kind.error());
+  }
+  const plot::NamedBrdf both[] = {{shown_name(options.a), &a}, {shown_name(options.b), &b}};
+  plot::CurveOptions curves{.kind = *kind, .incidences = plot::incidences_of(a), .theta_max_deg = 85};
+  constexpr std::size_t kMostPanels = 12;
+  if (curves.incidences.size() > kMostPanels) {
+    curves.incidences.resize(kMostPanels);
+  }
+  const auto image = plot::curves(both, curves);
+  return image ? write_file(options.picture, *image) : Status(std::unexpected(image.error()));
+}
+
 Result<Answer> run(const Options& options) {
-  const auto a = formats::open_brdf(options.a);
+  const auto a = open_data(options.a);
   if (!a) {
     return std::unexpected(a.error());
   }
-  const auto b = formats::open_brdf(options.b);
+  const auto b = open_data(options.b);
   if (!b) {
     return std::unexpected(b.error());
   }
@@ -100,7 +119,15 @@ Result<Answer> run(const Options& options) {
   if (!found) {
     return std::unexpected(found.error());
   }
-  return Answer{.json = to_json(*found, options.region), .text = to_text(*found)};
+  Answer answer{.json = to_json(*found, options.region), .text = to_text(*found)};
+  if (!options.picture.empty()) {
+    if (const auto drawn = draw(options, **a, **b); !drawn) {
+      return std::unexpected(drawn.error());
+    }
+    answer.json["files"] = {options.picture};
+    answer.text += fmt::format("\n{}\n", options.picture);
+  }
+  return answer;
 }
 
 }  // namespace
@@ -113,6 +140,7 @@ Verb add_compare(CLI::App& root) {
   app->add_option("--region", options->region, "Which directions count: those measured, or all with a value")
       ->check(CLI::IsMember({"measured", "all"}))
       ->capture_default_str();
+  app->add_option("-o,--output", options->picture, "Also draw both in the plane of incidence (.svg or .png)");
   return {app, [options](const Context&) { return run(*options); }};
 }
 

@@ -9,6 +9,7 @@
 #include "tools/scatter/file_description.h"
 #include "tools/scatter/files.h"
 #include "tools/scatter/grid_of.h"
+#include "tools/scatter/preparation.h"
 #include "tools/scatter/recording_description.h"
 #include "tools/scatter/verb.h"
 
@@ -39,7 +40,7 @@ Status draw(const Options& options) {
   if (!grid) {
     return std::unexpected(grid.error());
   }
-  const auto image = plot::hemispheres(**grid, {.kind = *kind, .title = options.target});
+  const auto image = plot::hemispheres(**grid, {.kind = *kind, .title = shown_name(options.target)});
   return image ? write_file(options.picture, *image) : Status(std::unexpected(image.error()));
 }
 

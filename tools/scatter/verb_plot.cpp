@@ -2,16 +2,15 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
-#include <filesystem>
 #include <memory>
 
-#include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
 #include "tools/plot/curves.h"
 #include "tools/plot/hemispheres.h"
 #include "tools/scatter/files.h"
 #include "tools/scatter/grid_of.h"
+#include "tools/scatter/preparation.h"
 #include "tools/scatter/verb.h"
 
 namespace scatter::cli {
@@ -27,6 +26,7 @@ struct Options {
   bool dark = false;
   bool light = false;
   bool luminance = false;
+  PreparationOptions preparation;
 };
 
 plot::Scale scale_of(const std::string& name) {
@@ -92,14 +92,16 @@ Result<Answer> run(const Options& options) {
   std::vector<std::shared_ptr<const reflectance::Brdf>> kept;
   std::vector<plot::NamedBrdf> brdfs;
   for (const auto& subject : options.subjects) {
-    auto opened = formats::open_brdf(subject);
+    const auto opened = open_data(subject);
     if (!opened) {
       return std::unexpected(opened.error());
     }
-    kept.push_back(*opened);
-    std::error_code error;
-    const bool file = std::filesystem::exists(subject, error);
-    brdfs.push_back({file ? std::filesystem::path(subject).filename().string() : subject, kept.back().get()});
+    const auto prepared = prepare(*opened, options.preparation, "");
+    if (!prepared) {
+      return std::unexpected(prepared.error());
+    }
+    kept.push_back(prepared->brdf);
+    brdfs.push_back({shown_name(subject), kept.back().get()});
   }
   const auto picture = draw(options, brdfs);
   if (!picture) {
@@ -135,6 +137,7 @@ Verb add_plot(CLI::App& root) {
   auto* dark = app->add_flag("--dark", options->dark, "Dark page (the default for hemispheres)");
   app->add_flag("--light", options->light, "Light page (the default for curves)")->excludes(dark);
   app->add_flag("--luminance", options->luminance, "Hemispheres: one column, the mean of the channels");
+  add_preparation_options(*app, options->preparation);
   return {app, [options](const Context&) { return run(*options); }};
 }
 

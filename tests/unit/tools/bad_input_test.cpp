@@ -20,8 +20,9 @@ void check_refused(const Finished& run, int status) {
   CHECK(std::count(run.err.begin(), run.err.end(), '\n') == 2);
 }
 
-const std::vector<std::string> kVerbs = {"list",    "info",    "calibrate", "measure", "record",  "process",
-                                         "inspect", "convert", "compare",   "plot",    "simulate"};
+const std::vector<std::string> kVerbs = {"list",    "info",    "calibrate", "measure", "record",
+                                         "process", "inspect", "convert",   "merge",   "atlas",
+                                         "compare", "fit",     "plot",      "simulate"};
 
 }  // namespace
 
