@@ -3,31 +3,49 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 namespace scatter::search {
 
 namespace {
 
-constexpr std::size_t kLeafFill = 28;     // Wanted points per leaf: room for splits that are not exact.
-constexpr std::size_t kSureFill = 31;     // Most per leaf on average that a range may ask of its children.
-constexpr std::size_t kMostParts = 4;     // Of one pass over the points.
-constexpr std::size_t kExactBelow = 192;  // Points; ranges up to here are split exactly.
-constexpr std::size_t kBins = 256;
+constexpr std::size_t kLeafFill = 44;  // Wanted points per leaf: room for splits that are not exact.
+constexpr std::size_t kSureFill = 50;  // Most per leaf on average that a range may ask of its children.
+constexpr std::size_t kFineBins = 256;
+constexpr std::size_t kCoarseBins = 64;
+constexpr std::size_t kCoarseBelow = 1024;  // Points.
 
-struct Entry {
-  std::array<float, kAxes> x;
+// Four floats in one register of any x86-64 or ARM processor; other machines get plain code.
+using Four = float __attribute__((vector_size(16)));
+
+Four least(Four a, Four b) noexcept {
+  return a < b ? a : b;
+}
+Four most(Four a, Four b) noexcept {
+  return a > b ? a : b;
+}
+
+struct Bounds {
+  Four lo = Four{} + std::numeric_limits<float>::infinity();
+  Four hi = Four{} - std::numeric_limits<float>::infinity();
+
+  void take(Four x) noexcept {
+    lo = least(lo, x);
+    hi = most(hi, x);
+  }
+  [[nodiscard]] Box box() const noexcept {
+    Box b;
+    for (std::size_t a = 0; a < kAxes; ++a) {
+      b.lo[a] = lo[a];
+      b.hi[a] = hi[a];
+    }
+    return b;
+  }
 };
 
-Box grown(const Entry* begin, const Entry* end) noexcept {
-  Box box;
-  for (const Entry* e = begin; e != end; ++e) {
-    for (std::size_t a = 0; a < kAxes; ++a) {
-      box.lo[a] = std::min(box.lo[a], e->x[a]);
-      box.hi[a] = std::max(box.hi[a], e->x[a]);
-    }
-  }
-  return box;
+Four four(const Point& p) noexcept {
+  return Four{p.x_i, p.y_i, p.x_o, p.y_o};
 }
 
 // Unsigned numbers in the order of the floats, -0.0 just below 0.0.
@@ -45,180 +63,284 @@ std::size_t leaves_of_a_child(std::size_t count) noexcept {
   return leaves;
 }
 
-// Points of a range lie in front_, which each pass permutes by way of back_.
+// Points and ids, which each level of the tree moves from one store to the other.
+struct Store {
+  std::unique_ptr<Four[]> points;
+  std::unique_ptr<std::uint32_t[]> ids;
+
+  explicit Store(std::size_t count)
+      : points(std::make_unique_for_overwrite<Four[]>(count)),
+        ids(std::make_unique_for_overwrite<std::uint32_t[]>(count)) {}
+};
+
+// How a node's points are dealt out to its children: axis after axis, every group of the axis
+// before is cut at quantiles of the next one, found in a histogram per group.
+struct Plan {
+  struct Axis {
+    std::size_t axis = 0;
+    std::size_t parts = 1;
+    float lo = 0;
+    float scale = 0;
+  };
+  std::array<Axis, kAxes> axes;
+  std::size_t count = 0;
+};
+
+// Cuts the longest side in halves until there are enough cells; false when a side has no length
+// that a float can be divided by.
+bool make_plan(const Box& box, std::size_t children, std::size_t bins, Plan& plan) noexcept {
+  std::array<std::size_t, kAxes> parts{1, 1, 1, 1};
+  std::array<float, kAxes> side{};
+  for (std::size_t a = 0; a < kAxes; ++a) {
+    side[a] = box.hi[a] - box.lo[a];
+  }
+  for (std::size_t cells = 1; cells < children; cells *= 2) {
+    const auto a = static_cast<std::size_t>(std::max_element(side.begin(), side.end()) - side.begin());
+    side[a] *= 0.5F;
+    parts[a] *= 2;
+  }
+  std::array<std::size_t, kAxes> order{0, 1, 2, 3};
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return parts[a] > parts[b]; });
+  for (const std::size_t a : order) {
+    if (parts[a] == 1) {
+      continue;
+    }
+    // A last value of `bins` less one step: the largest component falls into the last bin.
+    const float scale = (static_cast<float>(bins) - 0.01F) / (box.hi[a] - box.lo[a]);
+    if (!(scale > 0) || !std::isfinite(scale)) {
+      return false;
+    }
+    plan.axes[plan.count++] = {a, parts[a], box.lo[a], scale};
+  }
+  return true;
+}
+
 class Builder {
  public:
   Builder(std::span<const Point> points, std::span<const std::uint32_t> ids, Pool& pool)
       : pool_(pool),
-        front_(points.size()),
-        back_(points.size()),
-        front_ids_(points.size()),
-        back_ids_(points.size()),
-        bin_(points.size()) {
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      const Point& p = points[k];
-      front_[k].x = {p.x_i, p.y_i, p.x_o, p.y_o};
+        count_(points.size()),
+        stores_{Store(count_), Store(count_)},
+        group_(std::make_unique_for_overwrite<std::uint8_t[]>(count_)) {
+    for (std::size_t k = 0; k < count_; ++k) {
+      const Four x = four(points[k]);
+      stores_[0].points[k] = x;
+      bounds_.take(x);
     }
     if (ids.empty()) {
-      std::iota(front_ids_.begin(), front_ids_.end(), 0U);
+      std::iota(stores_[0].ids.get(), stores_[0].ids.get() + count_, 0U);
     } else {
-      std::copy(ids.begin(), ids.end(), front_ids_.begin());
+      std::copy(ids.begin(), ids.end(), stores_[0].ids.get());
     }
   }
 
-  Node* node(std::size_t begin, std::size_t end) {
+  Node* root() { return node(0, count_, bounds_.box(), 0); }
+
+ private:
+  // What became of a node's points: child c has those from at[c] to at[c + 1].
+  struct Dealt {
+    std::size_t children = 0;
+    std::size_t begin = 0;
+    std::size_t end = 0;
+    std::array<std::size_t, kFanOut + 1> at{};
+    std::array<Bounds, kFanOut> bounds{};
+  };
+
+  // Node over [begin, end) of one of the stores.
+  // NOLINTNEXTLINE(misc-no-recursion): as deep as the tree.
+  Node* node(std::size_t begin, std::size_t end, const Box& box, std::size_t from) {
     const std::size_t count = end - begin;
     const std::size_t below = leaves_of_a_child(count);
     const std::size_t wanted = (count + below * kLeafFill - 1) / (below * kLeafFill);
     Node* node = pool_.new_node();
-    node->children = 0;
-    split(*node, begin, end, std::min(wanted, kFanOut), below);
+    Dealt dealt;
+    dealt.children = std::min(wanted, kFanOut);
+    dealt.begin = begin;
+    dealt.end = end;
+    dealt.at[0] = begin;
+    node->children = static_cast<std::uint32_t>(dealt.children);
+    if (!group_points(dealt, box, from, below)) {
+      group_exactly(dealt, box, from);
+    }
+    if (below == 1) {
+      hang_leaves(*node, dealt, from);
+      return node;
+    }
+    move_points(dealt, from);
+    for (std::size_t c = 0; c < dealt.children; ++c) {
+      const Box of_child = dealt.bounds[c].box();
+      node->set_box(c, of_child);
+      node->points[c] = 0;
+      node->child[c] = this->node(dealt.at[c], dealt.at[c + 1], of_child, 1 - from);
+    }
     return node;
   }
 
- private:
-  struct Parts {
-    std::size_t count = 0;
-    std::array<std::size_t, kMostParts> children{};
-    std::array<std::size_t, kMostParts + 1> at{};  // Borders.
-  };
-
-  // Hangs [begin, end) under `node` as `children` children of at most `below` leaves each.
-  void split(Node& node, std::size_t begin, std::size_t end, std::size_t children, std::size_t below) {
-    const Box box = grown(&front_[begin], &front_[begin] + (end - begin));
-    if (children == 1) {
-      hang(node, begin, end, below, box);
-      return;
+  // Sets group_ of every point to its child, and the borders. Returns false, with the borders
+  // unusable, when a child would get more than it can hold or nothing.
+  bool group_points(Dealt& dealt, const Box& box, std::size_t from, std::size_t below) {
+    const std::size_t begin = dealt.begin;
+    const std::size_t end = dealt.end;
+    const std::size_t bins = end - begin < kCoarseBelow ? kCoarseBins : kFineBins;
+    Plan plan;
+    if (!make_plan(box, dealt.children, bins, plan)) {
+      return false;
     }
-    std::array<std::size_t, kAxes> axes{0, 1, 2, 3};
-    std::sort(axes.begin(), axes.end(),
-              [&](std::size_t a, std::size_t b) { return box.hi[a] - box.lo[a] > box.hi[b] - box.lo[b]; });
-    const std::size_t axis = axes[0];
-    const float longest = box.hi[axis] - box.lo[axis];
-    const float next = box.hi[axes[1]] - box.lo[axes[1]];
-    // Slices no thinner than the next axis is long.
-    const std::size_t slices = next > 0.5F * longest ? 2 : kMostParts;
-    Parts parts;
-    parts.count = std::min(children, slices);
-    parts.at[0] = begin;
-    std::size_t given = 0;
-    for (std::size_t p = 0; p < parts.count; ++p) {
-      parts.children[p] = (children - given + (parts.count - p) - 1) / (parts.count - p);
-      given += parts.children[p];
-      parts.at[p + 1] = begin + (end - begin) * given / children;
-    }
-    if (end - begin <= kExactBelow || !split_about(parts, axis, box, below)) {
-      split_exactly(parts, axis);
-    }
-    for (std::size_t p = 0; p < parts.count; ++p) {
-      split(node, parts.at[p], parts.at[p + 1], parts.children[p], below);
-    }
-  }
-
-  void hang(Node& parent, std::size_t begin, std::size_t end, std::size_t below, const Box& box) {
-    const std::size_t c = parent.children++;
-    parent.set_box(c, box);
-    if (below > 1) {
-      parent.child[c] = node(begin, end);
-      parent.points[c] = 0;
-      return;
-    }
-    const std::size_t count = end - begin;
-    parent.child[c] = pool_.new_leaf(count);
-    parent.points[c] = static_cast<std::uint8_t>(count);
-    const Leaf leaf = parent.leaf(c);
-    for (std::size_t k = 0; k < count; ++k) {
-      const Entry& e = front_[begin + k];
-      leaf.put(k, {e.x[0], e.x[1], e.x[2], e.x[3]}, front_ids_[begin + k]);
-    }
-  }
-
-  // At borders between bins of a histogram, moving parts.at.
-  // Returns false, with nothing changed, when a part would not fit its children.
-  bool split_about(Parts& parts, std::size_t axis, const Box& box, std::size_t below) {
-    const std::size_t begin = parts.at[0];
-    const std::size_t end = parts.at[parts.count];
-    const float lo = box.lo[axis];
-    const float scale = static_cast<float>(kBins) / (box.hi[axis] - lo);
-    if (!(scale > 0) || !std::isfinite(scale)) {
-      return false;  // No extent, or too much or too little for a float.
-    }
-    std::array<std::uint32_t, kBins> histogram{};
-    for (std::size_t k = begin; k < end; ++k) {
-      const float t = std::min((front_[k].x[axis] - lo) * scale, static_cast<float>(kBins - 1));
-      const auto b = static_cast<std::uint8_t>(static_cast<int>(t));
-      bin_[k] = b;
-      ++histogram[b];
-    }
-    Parts moved = parts;
-    std::array<std::uint8_t, kBins> part_of{};
-    std::size_t bin = 0;
-    std::size_t reached = begin;
-    for (std::size_t p = 0; p + 1 < parts.count; ++p) {
-      while (bin < kBins && reached + histogram[bin] / 2 < parts.at[p + 1]) {
-        reached += histogram[bin];
-        part_of[bin++] = static_cast<std::uint8_t>(p);
+    const Four* points = stores_[from].points.get();
+    // Children and points of each group so far; groups are numbered in the order of the children.
+    std::array<std::size_t, kFanOut> children{dealt.children};
+    std::array<std::size_t, kFanOut> size{end - begin};
+    std::size_t groups = 1;
+    std::uint8_t* group = group_.get();
+    const auto bin_of = [points](const Plan::Axis& axis, std::size_t k) {
+      return static_cast<std::size_t>(static_cast<int>((points[k][axis.axis] - axis.lo) * axis.scale));
+    };
+    // Each pass over the points ends the cut before and counts for the next one.
+    const auto assign = [&](const Plan::Axis axis, std::size_t k) {
+      return part_[group[k] * bins + bin_of(axis, k)];
+    };
+    for (std::size_t level = 0; level < plan.count; ++level) {
+      const Plan::Axis axis = plan.axes[level];
+      histogram_.assign(groups * bins, 0);
+      std::uint32_t* histogram = histogram_.data();
+      if (level == 0) {
+        for (std::size_t k = begin; k < end; ++k) {
+          group[k] = 0;
+          ++histogram[bin_of(axis, k)];
+        }
+      } else {
+        const Plan::Axis before = plan.axes[level - 1];
+        for (std::size_t k = begin; k < end; ++k) {
+          const std::uint8_t g = assign(before, k);
+          group[k] = g;
+          ++histogram[g * bins + bin_of(axis, k)];
+        }
       }
-      moved.at[p + 1] = reached;
+      part_.resize(groups * bins);
+      std::array<std::size_t, kFanOut> next_children{};
+      std::array<std::size_t, kFanOut> next_size{};
+      std::size_t next = 0;
+      for (std::size_t g = 0; g < groups; ++g) {
+        const std::size_t parts = std::min(axis.parts, children[g]);
+        std::size_t bin = 0;
+        std::size_t reached = 0;
+        std::size_t given = 0;
+        for (std::size_t p = 0; p < parts; ++p) {
+          const std::size_t share = (children[g] - given + (parts - p) - 1) / (parts - p);
+          given += share;
+          const std::size_t goal = size[g] * given / children[g];
+          const std::size_t first = reached;
+          for (; bin < bins; ++bin) {
+            const std::size_t in_bin = histogram_[g * bins + bin];
+            if (p + 1 < parts && reached + in_bin / 2 >= goal) {
+              break;
+            }
+            reached += in_bin;
+            part_[g * bins + bin] = static_cast<std::uint8_t>(next);
+          }
+          next_children[next] = share;
+          next_size[next] = reached - first;
+          ++next;
+        }
+      }
+      children = next_children;
+      size = next_size;
+      groups = next;
     }
-    for (; bin < kBins; ++bin) {
-      part_of[bin] = static_cast<std::uint8_t>(parts.count - 1);
-    }
-    for (std::size_t p = 0; p < parts.count; ++p) {
-      const std::size_t count = moved.at[p + 1] - moved.at[p];
-      if (count == 0 || count > parts.children[p] * below * kSureFill ||
-          count < (parts.at[p + 1] - parts.at[p]) / 2) {
+    const std::size_t most = below == 1 ? kLeafCapacity : below * kSureFill;
+    for (std::size_t c = 0; c < dealt.children; ++c) {
+      if (size[c] == 0 || size[c] > most) {
         return false;
       }
+      dealt.at[c + 1] = dealt.at[c] + size[c];
     }
-    parts = moved;
-    std::array<std::size_t, kMostParts + 1> to = parts.at;
+    if (plan.count == 0) {
+      std::fill(group + begin, group + end, std::uint8_t{0});
+      return true;
+    }
     for (std::size_t k = begin; k < end; ++k) {
-      const std::size_t at = to[part_of[bin_[k]]]++;
-      back_[at] = front_[k];
-      back_ids_[at] = front_ids_[k];
+      group[k] = assign(plan.axes[plan.count - 1], k);
     }
-    take_back(begin, end);
-    return true;
+    return groups == dealt.children;
   }
 
-  // At parts.at; equal components are told apart by where they stand.
-  void split_exactly(const Parts& parts, std::size_t axis) {
-    const std::size_t begin = parts.at[0];
-    const std::size_t end = parts.at[parts.count];
-    keys_.resize(end - begin);
-    for (std::size_t k = begin; k < end; ++k) {
-      keys_[k - begin] = std::uint64_t{ordered(front_[k].x[axis])} << 32 | (k - begin);
+  // The same by sorting: along the longest side, in equal shares; equal components are told apart by
+  // where they stand, so that this always succeeds.
+  void group_exactly(Dealt& dealt, const Box& box, std::size_t from) {
+    std::size_t axis = 0;
+    for (std::size_t a = 1; a < kAxes; ++a) {
+      axis = box.hi[a] - box.lo[a] > box.hi[axis] - box.lo[axis] ? a : axis;
     }
-    auto from = keys_.begin();
-    for (std::size_t p = 1; p < parts.count; ++p) {
-      const auto to = keys_.begin() + static_cast<std::ptrdiff_t>(parts.at[p] - begin);
-      std::nth_element(from, to, keys_.end());
-      from = to;
+    const std::size_t begin = dealt.begin;
+    const std::size_t count = dealt.end - begin;
+    keys_.resize(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      keys_[k] = std::uint64_t{ordered(stores_[from].points[begin + k][axis])} << 32 | k;
     }
-    for (std::size_t k = begin; k < end; ++k) {
-      const std::size_t source = begin + static_cast<std::uint32_t>(keys_[k - begin]);
-      back_[k] = front_[source];
-      back_ids_[k] = front_ids_[source];
+    std::sort(keys_.begin(), keys_.end());
+    for (std::size_t c = 0; c < dealt.children; ++c) {
+      dealt.at[c + 1] = begin + count * (c + 1) / dealt.children;
+      for (std::size_t k = count * c / dealt.children; k < count * (c + 1) / dealt.children; ++k) {
+        group_[begin + static_cast<std::uint32_t>(keys_[k])] = static_cast<std::uint8_t>(c);
+      }
     }
-    take_back(begin, end);
   }
 
-  void take_back(std::size_t begin, std::size_t end) {
-    std::copy(back_.begin() + static_cast<std::ptrdiff_t>(begin),
-              back_.begin() + static_cast<std::ptrdiff_t>(end),
-              front_.begin() + static_cast<std::ptrdiff_t>(begin));
-    std::copy(back_ids_.begin() + static_cast<std::ptrdiff_t>(begin),
-              back_ids_.begin() + static_cast<std::ptrdiff_t>(end),
-              front_ids_.begin() + static_cast<std::ptrdiff_t>(begin));
+  void move_points(Dealt& dealt, std::size_t from) {
+    const Store& source = stores_[from];
+    Store& target = stores_[1 - from];
+    std::array<std::size_t, kFanOut + 1> to = dealt.at;
+    for (std::size_t k = dealt.begin; k < dealt.end; ++k) {
+      const std::size_t c = group_[k];
+      const std::size_t at = to[c]++;
+      target.points[at] = source.points[k];
+      target.ids[at] = source.ids[k];
+    }
+    // Apart from moving: neighbours in a scan go to the same child, and would wait for each other.
+    for (std::size_t c = 0; c < dealt.children; ++c) {
+      Bounds bounds;
+      for (std::size_t k = dealt.at[c]; k < dealt.at[c + 1]; ++k) {
+        bounds.take(target.points[k]);
+      }
+      dealt.bounds[c] = bounds;
+    }
+  }
+
+  void hang_leaves(Node& node, Dealt& dealt, std::size_t from) {
+    const Store& source = stores_[from];
+    std::array<float*, kFanOut> to{};
+    std::array<std::size_t, kFanOut> slots{};
+    for (std::size_t c = 0; c < dealt.children; ++c) {
+      const std::size_t count = dealt.at[c + 1] - dealt.at[c];
+      to[c] = pool_.new_leaf(count);
+      slots[c] = leaf_slots(count);
+      node.child[c] = to[c];
+      node.points[c] = static_cast<std::uint8_t>(count);
+    }
+    for (std::size_t k = dealt.begin; k < dealt.end; ++k) {
+      const std::size_t c = group_[k];
+      const Four x = source.points[k];
+      float* at = to[c]++;
+      const std::size_t step = slots[c];
+      at[0] = x[0];
+      at[step] = x[1];
+      at[2 * step] = x[2];
+      at[3 * step] = x[3];
+      std::memcpy(at + 4 * step, &source.ids[k], sizeof(std::uint32_t));
+      dealt.bounds[c].take(x);
+    }
+    for (std::size_t c = 0; c < dealt.children; ++c) {
+      node.set_box(c, dealt.bounds[c].box());
+    }
   }
 
   Pool& pool_;
-  std::vector<Entry> front_;
-  std::vector<Entry> back_;
-  std::vector<std::uint32_t> front_ids_;
-  std::vector<std::uint32_t> back_ids_;
-  std::vector<std::uint8_t> bin_;
+  std::size_t count_;
+  Bounds bounds_;
+  std::array<Store, 2> stores_;
+  std::unique_ptr<std::uint8_t[]> group_;  // Child of each point.
+  std::vector<std::uint32_t> histogram_;
+  std::vector<std::uint8_t> part_;
   std::vector<std::uint64_t> keys_;
 };
 
@@ -230,9 +352,9 @@ Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> id
     return tree;
   }
   // Leaves rounded up to four points, and their share of the nodes above.
-  tree.pool.reserve(points.size() * 23);
+  tree.pool.reserve(points.size() * 22);
   Builder builder(points, ids, tree.pool);
-  tree.root = builder.node(0, points.size());
+  tree.root = builder.root();
   tree.size = points.size();
   tree.levels = 1;
   for (std::size_t leaves = leaves_of_a_child(points.size()); leaves > 1; leaves /= kFanOut) {

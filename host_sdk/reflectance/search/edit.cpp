@@ -8,8 +8,8 @@ namespace scatter::search {
 
 namespace {
 
-constexpr std::size_t kLeafLow = 10;     // Leaves below are merged, if one of their siblings has room,
-constexpr std::size_t kMergedLeaf = 26;  // for results up to here, so that the next addition does not split.
+constexpr std::size_t kLeafLow = 12;     // Leaves below are merged, if one of their siblings has room,
+constexpr std::size_t kMergedLeaf = 48;  // for results up to here, so that the next addition does not split.
 constexpr std::size_t kNodeLow = 5;
 constexpr std::size_t kMergedNode = 13;
 
@@ -22,10 +22,9 @@ Distances distances(const Node& node, const Point& p) noexcept {
   Distances d{};
   for (std::size_t a = 0; a < kAxes; ++a) {
     for (std::size_t c = 0; c < kFanOut; ++c) {
-      const float below = node.lo[a][c] - x[a];
-      const float above = x[a] - node.hi[a][c];
-      const float out = below > above ? below : above;
-      const float beyond = out > 0 ? out : 0;
+      const float below = std::max(node.lo[a][c] - x[a], 0.0F);
+      const float above = std::max(x[a] - node.hi[a][c], 0.0F);
+      const float beyond = below + above;  // One of them is 0.
       d.to[c] += beyond * beyond;
     }
   }
@@ -285,6 +284,15 @@ bool on_border(const Node& node, std::size_t c, const Point& p) noexcept {
 
 bool erase_in_leaf(Pool& pool, Node& node, std::size_t c, const Point& p, std::uint32_t id) {
   const Leaf leaf = node.leaf(c);
+  // Without a way out in the middle the compiler compares several at a time.
+  const std::uint32_t* ids = leaf.ids();
+  std::uint32_t present = 0;
+  for (std::size_t k = 0; k < leaf.count; ++k) {
+    present += ids[k] == id ? 1U : 0U;
+  }
+  if (present == 0) {
+    return false;
+  }
   for (std::size_t k = 0; k < leaf.count; ++k) {
     if (leaf.ids()[k] != id || !(leaf.point(k) == p)) {
       continue;

@@ -47,10 +47,10 @@ struct Neighbor {
 /// Points    finite; equal points (a pole holds one per azimuth) and equal ids are allowed, each
 ///           addition is one entry. -0.0 equals 0.0.
 /// Queries   a query with a NaN or infinite component has no neighbours.
-/// Structure R-tree of 16-ary nodes with tight boxes over leaves of at most 32 points; boxes and
+/// Structure R-tree of 16-ary nodes with tight boxes over leaves of at most 64 points; boxes and
 ///           points are tested 4, 8 or 16 at a time, as the processor allows at run time.
-/// Memory    21 to 25 bytes per point when built in bulk; `memory_bytes` counts everything.
-/// Threads   const functions from any number of threads; changes need exclusive access.
+/// Memory    22 bytes per point when built in bulk, 30 to 40 when grown one by one; `memory_bytes` counts
+/// everything. Threads   const functions from any number of threads; changes need exclusive access.
 class NeighborIndex {
  public:
   /// Empty.
@@ -61,7 +61,7 @@ class NeighborIndex {
 
   /// Ids are 0, 1, 2, ... in the order of the span.
   /// Errors  kInvalidArgument: a component is NaN or infinite, or there are more than 2^32 - 1 points.
-  /// Cost    about 40 ns per point at 1e5 points; 40 bytes per point of scratch.
+  /// Cost    about 20 ns per point at 1e5 points; 42 bytes per point of scratch.
   [[nodiscard]] static Result<NeighborIndex> build(std::span<const Point> points);
   /// Shape   ids.size() == points.size(), else kInvalidArgument.
   [[nodiscard]] static Result<NeighborIndex> build(std::span<const Point> points,
@@ -93,7 +93,7 @@ class NeighborIndex {
   void find(const Point& point, std::vector<std::uint32_t>& out) const;
   [[nodiscard]] bool contains(const Point& point, std::uint32_t id) const noexcept;
 
-  /// `nearest` of many queries; queries that lie near the one before them cost less than half.
+  /// `nearest` of many queries; queries that lie near the one before them start from what that one found.
   /// Shape    out.size() == queries.size() * k: row q holds the neighbours of query q; where there
   ///          are fewer than k (see `nearest`), the rest of the row is {infinity, 2^32 - 1}.
   /// Range    threads >= 1; 0 means one per processor.

@@ -12,6 +12,8 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include <hwy/cache_control.h>
+
 HWY_BEFORE_NAMESPACE();
 namespace scatter::search::HWY_NAMESPACE {
 namespace {
@@ -28,6 +30,7 @@ constexpr std::size_t kLanes = hn::MaxLanes(kFloats);
 constexpr std::size_t kKeyLanes = hn::MaxLanes(kKeys);
 constexpr std::size_t kSteps = kFanOut / kLanes;
 
+constexpr int kFewLanes = 3;  // Up to here a loop over the lanes is faster than a vector's minimum.
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 // A neighbour as one number that sorts by (distance, id): the bits of the distance above those of
@@ -89,21 +92,31 @@ HWY_INLINE std::uint32_t bits_of(Mask mask) {
   return bits;
 }
 
+HWY_INLINE hn::Mask<Floats> mask_of(std::uint32_t bits) {
+  std::uint8_t bytes[8] = {};
+  std::memcpy(bytes, &bits, 4);
+  return hn::LoadMaskBits(kFloats, bytes);
+}
+
 // The nearest so far, at most kCapacity, in registers while a leaf is scanned.
 template <std::size_t kCapacity>
 class FewNearest {
  public:
-  explicit FewNearest(std::size_t k) : last_(k - 1) {
+  explicit FewNearest(std::size_t k) : last_(k - 1) { start(); }
+
+  void start() {
     for (double& key : keys_) {
       key = kNoKey;
     }
+    worst_ = kInfinity;
   }
 
   [[nodiscard]] HWY_INLINE float worst() const { return worst_; }
   void limit(float worst) { worst_ = worst; }
 
   /// Takes in what `bits` marks among `distances`.
-  HWY_INLINE void take(std::uint32_t bits, const float* distances, const std::uint32_t* ids) {
+  HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    const std::uint32_t* ids = leaf.ids();
     KeyVector key[kVectors];
     for (std::size_t v = 0; v < kVectors; ++v) {
       key[v] = hn::Load(kKeys, keys_ + v * kKeyLanes);
@@ -127,8 +140,7 @@ class FewNearest {
     for (std::size_t v = 0; v < kVectors; ++v) {
       hn::Store(key[v], kKeys, keys_ + v * kKeyLanes);
     }
-    const float last = distance_of(keys_[last_]);
-    worst_ = keys_[last_] == kNoKey ? worst_ : std::min(last, worst_);
+    set_worst();
   }
 
   std::size_t give(std::size_t k, Neighbor* out) const {
@@ -140,6 +152,11 @@ class FewNearest {
   }
 
  private:
+  HWY_INLINE void set_worst() {
+    const double last = keys_[last_];
+    worst_ = last == kNoKey ? worst_ : std::min(distance_of(last), worst_);
+  }
+
   static constexpr std::size_t kVectors = kCapacity / kKeyLanes;
   // Lane j takes lane j - 1; lane 0 the last, for the vector that follows.
   static constexpr std::int64_t kTurn[8] = {kKeyLanes - 1, 0, 1, 2, 3, 4, 5, 6};
@@ -147,6 +164,75 @@ class FewNearest {
   alignas(64) double keys_[kCapacity];
   float worst_ = kInfinity;
   std::size_t last_ = 0;
+};
+
+// The same, and where the points lie: how far the next query is from them limits its search from
+// the start.
+template <std::size_t kCapacity>
+class RowNearest : public FewNearest<kCapacity> {
+ public:
+  using FewNearest<kCapacity>::FewNearest;
+
+  void start() {
+    FewNearest<kCapacity>::start();
+    count_ = 0;
+    full_ = false;
+  }
+
+  HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    FewNearest<kCapacity>::take(bits, distances, leaf);
+    const std::size_t slots = leaf_slots(leaf.count);
+    for (; bits != 0 && count_ < kRoom; bits &= bits - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
+      distance_[count_] = distances[lane];
+      for (std::size_t a = 0; a < kAxes; ++a) {
+        at_[a][count_] = leaf.block[a * slots + lane];
+      }
+      ++count_;
+    }
+    if (count_ == kRoom) {
+      forget();
+      full_ |= count_ == kRoom;
+    }
+  }
+
+  /// Upper limit of the k-th distance from another place, infinity when not known.
+  HWY_INLINE float limit_at(const Query& q, std::size_t k) {
+    forget();
+    if (count_ < k || full_) {
+      return kInfinity;
+    }
+    FloatVector most = hn::Zero(kFloats);
+    for (std::size_t n = 0; n < count_; n += kLanes) {
+      const FloatVector d = sum_of_squares(
+          hn::Sub(q.x[0], hn::Load(kFloats, at_[0] + n)), hn::Sub(q.x[1], hn::Load(kFloats, at_[1] + n)),
+          hn::Sub(q.x[2], hn::Load(kFloats, at_[2] + n)), hn::Sub(q.x[3], hn::Load(kFloats, at_[3] + n)));
+      most = hn::Max(most, hn::IfThenElseZero(hn::FirstN(kFloats, count_ - n), d));
+    }
+    return hn::GetLane(hn::MaxOfLanes(kFloats, most));
+  }
+
+ private:
+  static constexpr std::size_t kRoom = 128;
+
+  // Drops what has been pushed out by nearer points.
+  HWY_INLINE void forget() {
+    std::size_t kept = 0;
+    for (std::size_t n = 0; n < count_; ++n) {
+      const bool keep = distance_[n] <= this->worst();
+      distance_[kept] = distance_[n];
+      for (std::size_t a = 0; a < kAxes; ++a) {
+        at_[a][kept] = at_[a][n];
+      }
+      kept += keep ? 1 : 0;
+    }
+    count_ = kept;
+  }
+
+  std::size_t count_ = 0;
+  bool full_ = false;
+  alignas(64) float distance_[kRoom];
+  alignas(64) float at_[kAxes][kRoom];
 };
 
 // Any number of neighbours: a heap with the farthest on top.
@@ -157,7 +243,8 @@ class ManyNearest {
   [[nodiscard]] float worst() const { return worst_; }
   void limit(float worst) { worst_ = worst; }
 
-  void take(std::uint32_t bits, const float* distances, const std::uint32_t* ids) {
+  void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    const std::uint32_t* ids = leaf.ids();
     for (; bits != 0; bits &= bits - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
       const double key = key_of(std::bit_cast<std::uint32_t>(distances[lane]), ids[lane]);
@@ -194,7 +281,8 @@ class Within {
 
   [[nodiscard]] float worst() const { return worst_; }
 
-  void take(std::uint32_t bits, const float* distances, const std::uint32_t* ids) {
+  void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    const std::uint32_t* ids = leaf.ids();
     for (; bits != 0; bits &= bits - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
       out_.push_back({distances[lane], ids[lane]});
@@ -213,22 +301,58 @@ struct alignas(64) Step {
   std::uint32_t left;  // One bit per child not visited.
 };
 
-template <typename Nearest>
-HWY_INLINE void scan(const Query& q, const Leaf& leaf, Nearest& nearest) {
-  alignas(64) float distances[kLeafCapacity];
+// Distances to the points of a leaf, and which are at most `worst`.
+HWY_INLINE std::uint64_t measure(const Query& q, const Leaf& leaf, float worst, float* distances) {
   const std::size_t slots = leaf_slots(leaf.count);
-  const std::uint32_t* ids = leaf.ids();
-  const FloatVector worst = hn::Set(kFloats, nearest.worst());
-  std::uint32_t near = 0;
+  const FloatVector limit = hn::Set(kFloats, worst);
+  hwy::Prefetch(leaf.ids());
+  hwy::Prefetch(leaf.ids() + 16);
+  std::uint64_t near = 0;
   for (std::size_t k = 0; k < leaf.count; k += kLanes) {
     const FloatVector d = to_points(q, leaf.block + k, slots);
     hn::Store(d, kFloats, distances + k);
-    near |= bits_of(hn::Le(d, worst)) << k;
+    near |= std::uint64_t{bits_of(hn::Le(d, limit))} << k;
   }
-  near &= 0xFFFFFFFFU >> (kLeafCapacity - leaf.count);
+  return near & (~std::uint64_t{0} >> (kLeafCapacity - leaf.count));
+}
+
+// Returns whether anything was taken in.
+template <typename Nearest>
+HWY_INLINE bool scan(const Query& q, const Leaf& leaf, Nearest& nearest) {
+  alignas(64) float distances[kLeafCapacity];
+  const std::uint64_t near = measure(q, leaf, nearest.worst(), distances);
   if (near != 0) {
-    nearest.take(near, distances, ids);
+    nearest.take(near, distances, leaf);
   }
+  return near != 0;
+}
+
+// While nothing limits the distance: each group of points is held against what those before it left.
+template <typename Nearest>
+HWY_INLINE void scan_first(const Query& q, const Leaf& leaf, Nearest& nearest) {
+  alignas(64) float distances[kLeafCapacity];
+  std::uint64_t left = measure(q, leaf, nearest.worst(), distances);
+  for (std::size_t k = 0; k < leaf.count; k += kFanOut) {
+    const FloatVector limit = hn::Set(kFloats, nearest.worst());
+    std::uint64_t near = 0;
+    for (std::size_t s = 0; s < kFanOut; s += kLanes) {
+      near |= std::uint64_t{bits_of(hn::Le(hn::Load(kFloats, distances + k + s), limit))} << (k + s);
+    }
+    near &= left;
+    if (near != 0) {
+      nearest.take(near, distances, leaf);
+    }
+  }
+}
+
+// Children that may hold something at most `worst` away.
+HWY_INLINE std::uint32_t near_children(const Step& step, float worst) {
+  const FloatVector limit = hn::Set(kFloats, worst);
+  std::uint32_t near = 0;
+  for (std::size_t s = 0; s < kSteps; ++s) {
+    near |= bits_of(hn::Le(hn::Load(kFloats, step.distance + s * kLanes), limit)) << (s * kLanes);
+  }
+  return near & step.left;
 }
 
 HWY_INLINE void enter(const Query& q, const Node& node, float worst, Step& step) {
@@ -243,46 +367,67 @@ HWY_INLINE void enter(const Query& q, const Node& node, float worst, Step& step)
   step.left = near & (0xFFFFU >> (kFanOut - node.children));
 }
 
-// Nearest of the children left, or kFanOut when none can hold anything.
-HWY_INLINE std::size_t next_child(Step& step, float worst) {
-  std::uint32_t near = 0;
-  const FloatVector limit = hn::Set(kFloats, worst);
+// Lane with the least of the distances that `among` marks.
+HWY_INLINE std::size_t least_of(const float* distance, std::uint32_t among) {
+  if (std::popcount(among) <= kFewLanes) {
+    auto best = static_cast<std::size_t>(std::countr_zero(among));
+    for (std::uint32_t rest = among & (among - 1); rest != 0; rest &= rest - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(rest));
+      best = distance[lane] < distance[best] ? lane : best;
+    }
+    return best;
+  }
+  FloatVector least = hn::Set(kFloats, kInfinity);
   for (std::size_t s = 0; s < kSteps; ++s) {
-    near |= bits_of(hn::Le(hn::Load(kFloats, step.distance + s * kLanes), limit)) << (s * kLanes);
+    const auto mask = mask_of(among >> (s * kLanes));
+    least = hn::Min(least, hn::IfThenElse(mask, hn::Load(kFloats, distance + s * kLanes), least));
   }
-  near &= step.left;
-  if (near == 0) {
-    return kFanOut;
+  least = hn::MinOfLanes(kFloats, least);
+  std::uint32_t equal = 0;
+  for (std::size_t s = 0; s < kSteps; ++s) {
+    equal |= bits_of(hn::Eq(hn::Load(kFloats, distance + s * kLanes), least)) << (s * kLanes);
   }
-  std::size_t best = static_cast<std::size_t>(std::countr_zero(near));
-  for (std::uint32_t rest = near & (near - 1); rest != 0; rest &= rest - 1) {
-    const auto lane = static_cast<std::size_t>(std::countr_zero(rest));
-    best = step.distance[lane] < step.distance[best] ? lane : best;
-  }
-  step.left = near & ~(1U << best);
-  return best;
+  return static_cast<std::size_t>(std::countr_zero(equal & among));
 }
 
+HWY_INLINE void prefetch(const void* at, std::size_t bytes) {
+  const auto* line = static_cast<const std::uint8_t*>(at);
+  for (std::size_t n = 0; n < bytes; n += 64) {
+    hwy::Prefetch(line + n);
+  }
+}
+
+// Depth first, the nearest child first; what cannot hold anything near enough is never entered.
 template <typename Nearest>
 HWY_INLINE void walk(const Node* root, const Point& query, Nearest& nearest, Step* steps) {
   const Query q = spread(query);
   Step* step = steps;
   enter(q, *root, nearest.worst(), *step);
+  bool first = nearest.worst() == kInfinity;
   for (;;) {
-    const std::size_t c = next_child(*step, nearest.worst());
-    if (c == kFanOut) {
+    if (step->left == 0) {
       if (step == steps) {
         return;
       }
       --step;
+      step->left = near_children(*step, nearest.worst());
       continue;
     }
+    const std::size_t c = least_of(step->distance, step->left);
+    step->left &= ~(1U << c);
     const Node& node = *step->node;
-    if (node.is_leaf(c)) {
-      scan(q, node.leaf(c), nearest);
-    } else {
+    if (!node.is_leaf(c)) {
       ++step;
       enter(q, *node.node(c), nearest.worst(), *step);
+      continue;
+    }
+    const Leaf leaf = node.leaf(c);
+    if (first) {
+      first = false;
+      scan_first(q, leaf, nearest);
+      step->left = near_children(*step, nearest.worst());
+    } else if (scan(q, leaf, nearest)) {
+      step->left = near_children(*step, nearest.worst());
     }
   }
 }
@@ -319,8 +464,42 @@ std::size_t nearest_impl(const Tree& tree, const Point& query, std::size_t k, Ne
   return nearest.give(k, out);
 }
 
+template <std::size_t kCapacity>
+void few_rows(const Tree& tree, const Point* queries, std::size_t count, std::size_t k, Neighbor* out) {
+  Step steps[kMostLevels];
+  // The one in use and the one before it.
+  RowNearest<kCapacity> nearest[2] = {RowNearest<kCapacity>(k), RowNearest<kCapacity>(k)};
+  bool known = false;
+  for (std::size_t n = 0; n < count; ++n) {
+    Neighbor* row = out + n * k;
+    std::size_t found = 0;
+    if (is_finite(queries[n])) {
+      RowNearest<kCapacity>& now = nearest[n % 2];
+      RowNearest<kCapacity>& before = nearest[1 - n % 2];
+      now.start();
+      if (known) {
+        now.limit(before.limit_at(spread(queries[n]), k));
+      }
+      walk(tree.root, queries[n], now, steps);
+      found = now.give(k, row);
+    }
+    known = found == k;
+    std::fill(row + found, row + k, Neighbor{kInfinity, 0xFFFFFFFFU});
+  }
+}
+
 void nearest_rows_impl(const Tree& tree, const Point* queries, std::size_t count, std::size_t k,
                        Neighbor* out) {
+  if (tree.root != nullptr && k >= 1 && k <= 32) {
+    if (k <= 8) {
+      few_rows<8>(tree, queries, count, k, out);
+    } else if (k <= 16) {
+      few_rows<16>(tree, queries, count, k, out);
+    } else {
+      few_rows<32>(tree, queries, count, k, out);
+    }
+    return;
+  }
   for (std::size_t n = 0; n < count; ++n) {
     Neighbor* row = out + n * k;
     std::fill(row + nearest_impl(tree, queries[n], k, row), row + k, Neighbor{kInfinity, 0xFFFFFFFFU});

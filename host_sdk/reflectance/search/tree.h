@@ -14,7 +14,7 @@
 namespace scatter::search {
 
 inline constexpr std::size_t kFanOut = 16;
-inline constexpr std::size_t kLeafCapacity = 32;
+inline constexpr std::size_t kLeafCapacity = 64;
 inline constexpr std::size_t kAxes = 4;
 /// Of nodes above one another. Bulk construction needs 8 for 2^32 points; a tree that changes in an
 /// unlucky way would grow past it and is built anew instead.
@@ -66,7 +66,7 @@ struct alignas(64) Node {
   float lo[kAxes][kFanOut];
   float hi[kAxes][kFanOut];
   void* child[kFanOut];
-  std::uint8_t points[kFanOut];  ///< Of a leaf, 1..32; 0: the child is a node.
+  std::uint8_t points[kFanOut];  ///< Of a leaf, 1..64; 0: the child is a node.
   std::uint32_t children;        ///< 1..16; the lanes from here on hold anything.
 
   [[nodiscard]] bool is_leaf(std::size_t c) const noexcept { return points[c] != 0; }
