@@ -18,6 +18,12 @@ bool wanted(Origin origin, const GatherOptions& options) {
   return origin == Origin::kMeasured || (options.region == Region::kAll && origin != Origin::kInvalid);
 }
 
+/// No instrument reads exactly nothing in every channel: files fill what was not measured with zeros.
+template <typename Planes>
+bool filled(const Planes& planes, std::size_t node) {
+  return std::ranges::all_of(planes, [&](const auto& plane) { return plane[node] == 0; });
+}
+
 void open_incidence(FitSamples& out, double theta_i, double phi_i) {
   if (!out.incidences.empty() && out.incidences.back().count == 0) {
     out.incidences.pop_back();
@@ -42,7 +48,8 @@ FitSamples from_grid(const GridBrdf& grid, const GatherOptions& options) {
     open_incidence(out, part.theta_i, part.phi_i);
     for (std::size_t node = 0; node < nodes; ++node) {
       const Direction omega_o = grid.omega_o(node);
-      if (!wanted(part.origin[node], options) || !(omega_o.z > std::cos(options.theta_o_max))) {
+      if (!wanted(part.origin[node], options) || !(omega_o.z > std::cos(options.theta_o_max)) ||
+          filled(part.f_per_sr, node)) {
         continue;
       }
       add_direction(out, omega_o, grid.solid_angle_sr(node));
@@ -91,7 +98,8 @@ FitSamples from_specular_grid(const SpecularGridBrdf& grid, const GatherOptions&
               std::cos(cell_low(content.radial, k)) - std::cos(cell_high(content.radial, k));
           const double width = cell_high(content.azimuth, a) - cell_low(content.azimuth, a);
           const double solid_angle = height * width * (content.plane_symmetric ? 2 : 1);
-          if (!wanted(origin, options) || !(local.z > std::cos(options.theta_o_max)) || !(solid_angle > 0)) {
+          if (!wanted(origin, options) || !(local.z > std::cos(options.theta_o_max)) || !(solid_angle > 0) ||
+              filled(content.f_per_sr, node)) {
             continue;
           }
           add_direction(
