@@ -3,6 +3,9 @@
 #include <cmath>
 #include <cstddef>
 
+#include "host_sdk/reflectance/models/formulas/disney.h"
+#include "host_sdk/reflectance/models/formulas/fresnel.h"
+
 // Two x86 targets that differ from their neighbours in nothing that is used here.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 #undef HWY_TARGET_INCLUDE
@@ -66,26 +69,70 @@ void complete(GeometryBlock& block) {
   }
 }
 
-void ggx_lobe(double alpha_x, double alpha_y, const GeometryBlock& block, BlockArray& out) {
-  // D masking_i masking_o / 4 = (constant) / ((d^2) (o.z + root)).
-  const double i_x = alpha_x * block.i.x;
-  const double i_y = alpha_y * block.i.y;
-  const double root_i = std::sqrt(block.i.z * block.i.z + i_x * i_x + i_y * i_y);
-  const Lanes constant = splat(1 / (kPi * alpha_x * alpha_y * (block.i.z + root_i)));
-  const Lanes x = splat(alpha_x);
-  const Lanes y = splat(alpha_y);
-  const Lanes inverse_x = splat(1 / alpha_x);
-  const Lanes inverse_y = splat(1 / alpha_y);
+/// cos + sqrt(cos^2 + (alpha_x w_x)^2 + (alpha_y w_y)^2): 2 over masking / cos.
+HWY_INLINE Lanes masking_sum(double alpha_x, double alpha_y, const GeometryBlock& block, std::size_t k) {
+  const Lanes z = lanes(block.o_z, k);
+  const Lanes x = hn::Mul(splat(alpha_x), lanes(block.o_x, k));
+  const Lanes y = hn::Mul(splat(alpha_y), lanes(block.o_y, k));
+  return hn::Add(z, hn::Sqrt(multiply_add(z, z, multiply_add(x, x, square(y)))));
+}
+double masking_sum(double alpha_x, double alpha_y, const Direction& w) {
+  const double x = alpha_x * w.x;
+  const double y = alpha_y * w.y;
+  return w.z + std::sqrt(w.z * w.z + x * x + y * y);
+}
+
+void ggx_lobe(const GgxAlphas& a, const GeometryBlock& block, BlockArray& out) {
+  // D masking_i masking_o / 4 is one constant over (slopes)^2 and the sum of o.
+  const Lanes constant = splat(1 / (kPi * a.x * a.y * masking_sum(a.masking_x, a.masking_y, block.i)));
+  const Lanes inverse_x = splat(1 / a.x);
+  const Lanes inverse_y = splat(1 / a.y);
   for (std::size_t k = 0; k < kBlockSize; k += hn::Lanes(Doubles{})) {
-    const Lanes slope_x = hn::Mul(lanes(block.h_x, k), inverse_x);
-    const Lanes slope_y = hn::Mul(lanes(block.h_y, k), inverse_y);
-    const Lanes d =
-        multiply_add(slope_x, slope_x, multiply_add(slope_y, slope_y, square(lanes(block.h_z, k))));
+    const Lanes x = hn::Mul(lanes(block.h_x, k), inverse_x);
+    const Lanes y = hn::Mul(lanes(block.h_y, k), inverse_y);
+    const Lanes d = multiply_add(x, x, multiply_add(y, y, square(lanes(block.h_z, k))));
+    const Lanes sum = masking_sum(a.masking_x, a.masking_y, block, k);
+    keep(hn::Div(constant, hn::Mul(square(d), sum)), out, k);
+  }
+}
+
+/// (1 - cos)^5.
+HWY_INLINE Lanes schlick_weight(Lanes cosine) {
+  const Lanes m = hn::Sub(splat(1), cosine);
+  return hn::Mul(square(square(m)), m);
+}
+
+void disney_clearcoat_lobe(double gloss, const GeometryBlock& block, BlockArray& out) {
+  const double alpha = formulas::disney_clearcoat_alpha(gloss);
+  const double a2 = alpha * alpha;
+  // 1/4 for the change from h to omega_o, 1/4 for the strength, twice 2 for the maskings.
+  const Lanes constant = splat((1 - a2) / (-kPi * std::log(a2)) * 0.25 / masking_sum(0.25, 0.25, block.i));
+  const Lanes alpha2 = splat(a2);
+  for (std::size_t k = 0; k < kBlockSize; k += hn::Lanes(Doubles{})) {
+    const Lanes h_x = lanes(block.h_x, k);
+    const Lanes h_y = lanes(block.h_y, k);
+    const Lanes d = multiply_add(alpha2, square(lanes(block.h_z, k)), multiply_add(h_x, h_x, square(h_y)));
+    const Lanes fresnel = multiply_add(splat(0.96), schlick_weight(lanes(block.cos_d, k)), splat(0.04));
+    keep(hn::Div(hn::Mul(constant, fresnel), hn::Mul(d, masking_sum(0.25, 0.25, block, k))), out, k);
+  }
+}
+
+void disney_base(double roughness, double subsurface, const GeometryBlock& block, BlockArray& out) {
+  const Lanes one = splat(1);
+  const Lanes weight_i = splat(formulas::schlick_weight(block.i.z));
+  const Lanes i_z = splat(block.i.z);
+  const Lanes half = splat(0.5);
+  for (std::size_t k = 0; k < kBlockSize; k += hn::Lanes(Doubles{})) {
     const Lanes o_z = lanes(block.o_z, k);
-    const Lanes o_x = hn::Mul(x, lanes(block.o_x, k));
-    const Lanes o_y = hn::Mul(y, lanes(block.o_y, k));
-    const Lanes root = hn::Sqrt(multiply_add(o_z, o_z, multiply_add(o_x, o_x, square(o_y))));
-    keep(hn::Div(constant, hn::Mul(square(d), hn::Add(o_z, root))), out, k);
+    const Lanes weight_o = schlick_weight(o_z);
+    const Lanes grazing = hn::Mul(splat(roughness), square(lanes(block.cos_d, k)));
+    const Lanes rise = hn::Sub(hn::Add(grazing, grazing), half);
+    const Lanes diffuse = hn::Mul(multiply_add(rise, weight_i, one), multiply_add(rise, weight_o, one));
+    const Lanes fall = hn::Sub(grazing, one);
+    const Lanes under = hn::Mul(multiply_add(fall, weight_i, one), multiply_add(fall, weight_o, one));
+    const Lanes flat = hn::Sub(hn::Div(one, hn::Add(i_z, o_z)), half);
+    const Lanes below = hn::Mul(splat(1.25), multiply_add(under, flat, half));
+    keep(multiply_add(splat(subsurface), hn::Sub(below, diffuse), diffuse), out, k);
   }
 }
 
@@ -168,8 +215,7 @@ void schlick_fresnel(double f0, const GeometryBlock& block, BlockArray& out) {
   const Lanes low = splat(f0);
   const Lanes rise = splat(1 - f0);
   for (std::size_t k = 0; k < kBlockSize; k += hn::Lanes(Doubles{})) {
-    const Lanes m = hn::Sub(splat(1), lanes(block.cos_d, k));
-    keep(multiply_add(rise, hn::Mul(square(square(m)), m), low), out, k);
+    keep(multiply_add(rise, schlick_weight(lanes(block.cos_d, k)), low), out, k);
   }
 }
 
@@ -232,6 +278,8 @@ namespace scatter::reflectance::kernels {
 
 HWY_EXPORT(complete);
 HWY_EXPORT(ggx_lobe);
+HWY_EXPORT(disney_clearcoat_lobe);
+HWY_EXPORT(disney_base);
 HWY_EXPORT(beckmann_distribution);
 HWY_EXPORT(cook_torrance_lobe);
 HWY_EXPORT(ward_lobe);
@@ -246,8 +294,14 @@ HWY_EXPORT(add_product);
 void complete(GeometryBlock& block) noexcept {
   HWY_DYNAMIC_DISPATCH(complete)(block);
 }
-void ggx_lobe(double alpha_x, double alpha_y, const GeometryBlock& block, BlockArray& out) noexcept {
-  HWY_DYNAMIC_DISPATCH(ggx_lobe)(alpha_x, alpha_y, block, out);
+void ggx_lobe(const GgxAlphas& alphas, const GeometryBlock& block, BlockArray& out) noexcept {
+  HWY_DYNAMIC_DISPATCH(ggx_lobe)(alphas, block, out);
+}
+void disney_clearcoat_lobe(double gloss, const GeometryBlock& block, BlockArray& out) noexcept {
+  HWY_DYNAMIC_DISPATCH(disney_clearcoat_lobe)(gloss, block, out);
+}
+void disney_base(double roughness, double subsurface, const GeometryBlock& block, BlockArray& out) noexcept {
+  HWY_DYNAMIC_DISPATCH(disney_base)(roughness, subsurface, block, out);
 }
 void beckmann_distribution(double alpha, const GeometryBlock& block, BlockArray& out) noexcept {
   HWY_DYNAMIC_DISPATCH(beckmann_distribution)(alpha, block, out);

@@ -11,8 +11,22 @@ namespace scatter::reflectance::kernels {
 /// Fills everything from i and o_x, o_y, o_z.
 void complete(GeometryBlock& block) noexcept;
 
-/// formulas::ggx_lobe(alpha_x, alpha_y, g).
-void ggx_lobe(double alpha_x, double alpha_y, const GeometryBlock& block, BlockArray& out) noexcept;
+/// Roughness of the facets, and that with which they mask each other (the same but for Disney's).
+struct GgxAlphas {
+  double x = 0;
+  double y = 0;
+  double masking_x = 0;
+  double masking_y = 0;
+};
+
+/// formulas::ggx_lobe(alpha_x, alpha_y, g), and formulas::disney_specular_lobe.
+void ggx_lobe(const GgxAlphas& alphas, const GeometryBlock& block, BlockArray& out) noexcept;
+
+/// formulas::disney_clearcoat_lobe.
+void disney_clearcoat_lobe(double gloss, const GeometryBlock& block, BlockArray& out) noexcept;
+
+/// formulas::disney_diffuse, blended with disney_subsurface.
+void disney_base(double roughness, double subsurface, const GeometryBlock& block, BlockArray& out) noexcept;
 
 /// formulas::beckmann_distribution, for the lobes that go on from it.
 void beckmann_distribution(double alpha, const GeometryBlock& block, BlockArray& out) noexcept;

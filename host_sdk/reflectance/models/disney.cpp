@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "host_sdk/reflectance/models/block_kernels.h"
 #include "host_sdk/reflectance/models/cosine_lobe.h"
 #include "host_sdk/reflectance/models/formulas/disney.h"
 #include "host_sdk/reflectance/models/formulas/fresnel.h"
@@ -37,6 +38,17 @@ class DisneyBaseLobe final : public FormulaLobe<DisneyBaseLobe, CosineLobe> {
       out[c] = color_[c] * base / kPi + sheen_[c] * grazing;
     }
   }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    alignas(64) BlockArray base;
+    alignas(64) BlockArray grazing;
+    kernels::disney_base(roughness_, subsurface_, block, base);
+    kernels::schlick_fresnel(0, block, grazing);
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      kernels::add(weight[c] * color_[c] / kPi, base, sum.f_per_sr[c]);
+      kernels::add(weight[c] * sheen_[c], grazing, sum.f_per_sr[c]);
+    }
+  }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {
     // Sheen's albedo grows from 0.03 at normal incidence to about 0.3 at grazing.
     const double grazing = 0.03 + 0.3 * formulas::schlick_weight(omega_i.z);
@@ -65,6 +77,17 @@ class DisneySpecularLobe final : public FormulaLobe<DisneySpecularLobe> {
     const double lobe = formulas::disney_specular_lobe(roughness_, anisotropic_, g);
     for (std::size_t c = 0; c < kModelChannels; ++c) {
       out[c] = formulas::schlick_fresnel(f0_[c], g.cos_d) * lobe;
+    }
+  }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    alignas(64) BlockArray lobe;
+    alignas(64) BlockArray fresnel;
+    const double shadowing = (0.5 + 0.5 * roughness_) * (0.5 + 0.5 * roughness_);
+    kernels::ggx_lobe({alpha_.x, alpha_.y, shadowing, shadowing}, block, lobe);
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      kernels::schlick_fresnel(f0_[c], block, fresnel);
+      kernels::add_product(weight[c], lobe, fresnel, sum.f_per_sr[c]);
     }
   }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {
@@ -98,6 +121,14 @@ class DisneyClearcoatLobe final : public FormulaLobe<DisneyClearcoatLobe> {
       : gloss_(gloss), alpha_(formulas::disney_clearcoat_alpha(gloss)) {}
   void value(const formulas::Geometry& g, ChannelValues& out) const noexcept {
     out = uniform(formulas::disney_clearcoat_lobe(gloss_, g));
+  }
+  void add_block(const GeometryBlock& block, const ChannelValues& weight,
+                 BlockValues& sum) const noexcept override {
+    alignas(64) BlockArray lobe;
+    kernels::disney_clearcoat_lobe(gloss_, block, lobe);
+    for (std::size_t c = 0; c < kModelChannels; ++c) {
+      kernels::add(weight[c], lobe, sum.f_per_sr[c]);
+    }
   }
   [[nodiscard]] ChannelValues strength(const Direction& omega_i) const noexcept override {
     return uniform(0.25 * formulas::schlick_fresnel(0.04, omega_i.z));

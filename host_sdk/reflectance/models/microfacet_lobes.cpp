@@ -17,7 +17,7 @@ struct GgxFacets {
     return formulas::ggx_lobe(alpha[c], g);
   }
   void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
-    kernels::ggx_lobe(alpha[c], alpha[c], g, out);
+    kernels::ggx_lobe({alpha[c], alpha[c], alpha[c], alpha[c]}, g, out);
   }
   [[nodiscard]] Direction facet(std::size_t c, const Direction& omega_i, double u1,
                                 double u2) const noexcept {
@@ -37,7 +37,7 @@ struct AnisotropicGgxFacets {
     return formulas::ggx_lobe(x[c], y[c], g);
   }
   void block(std::size_t c, const GeometryBlock& g, BlockArray& out) const noexcept {
-    kernels::ggx_lobe(x[c], y[c], g, out);
+    kernels::ggx_lobe({x[c], y[c], x[c], y[c]}, g, out);
   }
   [[nodiscard]] Direction facet(std::size_t c, const Direction& omega_i, double u1,
                                 double u2) const noexcept {
