@@ -29,7 +29,9 @@ struct AlbedoOptions {
 };
 
 /// By adaptive cubature over (theta_o, phi_o), refined towards the mirror (or straight)
-/// direction from the start, so that lobes of 0.1 deg are found. Invalid directions count as 0.
+/// direction from the start, so that lobes of 0.1 deg are found there; elsewhere first cells of at most
+/// 0.1 rad (three steps of a grid, down to 0.02 rad). Invalid directions count as 0.
+/// Cost     32,000 evaluations at the least, 230,000 on a grid of 1 deg, in batches of 34.
 [[nodiscard]] Albedo albedo(const Brdf& brdf, const Direction& omega_i, const AlbedoOptions& options = {});
 
 /// Sum over the nodes of one part: f cos(theta_o) times the node's solid angle, per channel.

@@ -83,6 +83,33 @@ TEST_CASE("The error estimate of the albedo holds") {
   REQUIRE_FALSE(albedo(*model, i, {.tolerance = 1e-12, .max_evaluations = 10'000}).converged);
 }
 
+TEST_CASE("The albedo of a grid, with all its kinks, is that of the function its cells make") {
+  // A ring at one row: a hat of 1 deg to either side. Integral of hat(t) sin t cos t dt = the hat's
+  // transform of sin(2t)/2: sin(2 t0) / 2 * (sin(s) / s)^2 * s for steps s; times 2 pi.
+  const double s = radians(1);
+  for (const std::size_t row : {7, 34, 61}) {
+    GridBrdf::Content content = sample_on_grid(*make_model("lambertian:0.5").value(), {}).value().content();
+    for (GridPart& part : content.parts) {
+      for (auto& plane : part.f_per_sr) {
+        for (std::size_t n = 0; n < plane.size(); ++n) {
+          plane[n] = n / 360 == row ? 1.0F : 0.0F;
+        }
+      }
+    }
+    const GridBrdf grid = GridBrdf::make(content).value();
+    const double t0 = radians(static_cast<double>(row));
+    const double exact = 2 * kPi * std::sin(2 * t0) / 2 * std::pow(std::sin(s) / s, 2) * s;
+    for (const double theta_i : {0.0, 20.0, 60.0}) {
+      for (const double tolerance : {1e-3, 1e-4}) {
+        const Albedo a = albedo(grid, from_spherical(radians(theta_i), 1), {.tolerance = tolerance});
+        CAPTURE(row, theta_i, tolerance, a.error);
+        REQUIRE(a.converged);
+        REQUIRE(std::abs(a.value[0] - exact) <= a.error);
+      }
+    }
+  }
+}
+
 TEST_CASE("Grid albedo counts measured nodes only, or all valid ones") {
   GridBrdf::Content content = sample_on_grid(*make_model("lambertian:0.5").value(), {}).value().content();
   for (std::size_t n = 0; n < content.parts[0].origin.size(); ++n) {
