@@ -6,17 +6,16 @@
 #include <OpenEXR/ImfIntAttribute.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStringAttribute.h>
-#include <OpenEXR/ImfThreading.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <mutex>
-#include <thread>
 #include <utility>
 
 #include "host_sdk/formats/exr_stream.h"
+#include "host_sdk/formats/exr_threads.h"
 
 namespace scatter::formats {
 namespace {
@@ -32,16 +31,8 @@ constexpr std::size_t kLongestKey = 200;
 /// Rows evaluated in one call: long enough for a batch to pay, short enough to share among cores.
 constexpr std::size_t kRowsAtOnce = 10;
 
-/// OpenEXR has one pool of threads for the whole process and starts with none; whoever set one is
-/// left alone.
-void use_all_cores() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    if (Imf::globalThreadCount() == 0) {
-      Imf::setGlobalThreadCount(static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, 16U)));
-    }
-  });
-}
+/// Origins as they stand in the file.
+const std::array<half, 4> kOrigin{half(0.0F), half(1.0F), half(2.0F), half(3.0F)};
 
 template <typename T>
 Imf::Slice slice_of(Imf::PixelType type, const std::vector<T>& plane, std::size_t width) {
@@ -64,6 +55,10 @@ TileImage::TileImage(const Layout& layout) : layout_(layout) {
     sigma_.assign(layout.channels, std::vector<float>(pixels));
   }
   origin_.resize(pixels);
+  for (std::size_t i = 0; i < layout.tile_width; ++i) {
+    cos_azimuth_.push_back(std::cos(azimuth_at(i, layout.tile_width)));
+    sin_azimuth_.push_back(std::sin(azimuth_at(i, layout.tile_width)));
+  }
 }
 
 void TileImage::fill(std::span<const Tile> tiles) {
@@ -84,18 +79,19 @@ void TileImage::fill_rows(const Tile& tile, std::size_t first, std::size_t last)
   const double s_turn = std::sin(tile.incidence.rotation);
   std::vector<Direction> omega_o;
   std::vector<std::size_t> at;
+  omega_o.reserve((last - first) * layout_.tile_width);
+  at.reserve((last - first) * layout_.tile_width);
   for (std::size_t j = first; j < last; ++j) {
     const double radial = radial_at(j, layout_.tile_height);
     const double s = std::sin(radial);
     const double c = std::cos(radial);
     for (std::size_t i = 0; i < layout_.tile_width; ++i) {
-      const double azimuth = azimuth_at(i, layout_.tile_width);
-      const double x = s * std::cos(azimuth);
+      const double x = s * cos_azimuth_[i];
       const double up = x * s_i + c * c_i;
       if (up <= 0) {
         continue;
       }
-      const Direction d{x * c_i - c * s_i, s * std::sin(azimuth), side * up};
+      const Direction d{x * c_i - c * s_i, s * sin_azimuth_[i], side * up};
       omega_o.push_back({c_turn * d.x - s_turn * d.y, s_turn * d.x + c_turn * d.y, d.z});
       at.push_back((tile.top + j) * layout_.width + tile.left + i);
     }
@@ -110,7 +106,7 @@ void TileImage::fill_rows(const Tile& tile, std::size_t first, std::size_t last)
     if (origin[k] == Origin::kInvalid) {
       continue;
     }
-    origin_[at[k]] = half(static_cast<float>(origin[k]));
+    origin_[at[k]] = kOrigin[static_cast<std::size_t>(origin[k])];
     for (std::size_t c = 0; c < channels; ++c) {
       const auto value = static_cast<float>(f[k * channels + c]);
       if (layout_.half_precision) {
@@ -128,7 +124,6 @@ void TileImage::fill_rows(const Tile& tile, std::size_t first, std::size_t last)
 }
 
 std::string TileImage::encode(Imf::Header header) const {
-  use_all_cores();
   const auto names = tile_channel_names(layout_.channels);
   Imf::FrameBuffer buffer;
   for (std::size_t c = 0; c < layout_.channels; ++c) {
@@ -145,7 +140,7 @@ std::string TileImage::encode(Imf::Header header) const {
   buffer.insert("origin", slice_of(Imf::HALF, origin_, layout_.width));
   ExrMemoryOutput stream(origin_.size() * sizeof(half));
   {
-    Imf::OutputFile file(stream, header, Imf::globalThreadCount());
+    Imf::OutputFile file(stream, header, exr_threads());
     file.setFrameBuffer(buffer);
     file.writePixels(static_cast<int>(layout_.height));
   }

@@ -52,6 +52,8 @@ class TileImage {
   std::vector<std::vector<float>> float_;
   std::vector<std::vector<float>> sigma_;
   std::vector<half> origin_;
+  std::vector<double> cos_azimuth_;  ///< Of the texels of a row.
+  std::vector<double> sin_azimuth_;
 };
 
 /// Whether the BRDF states uncertainties, asked in the mirror direction and at the normal.

@@ -21,22 +21,23 @@ std::unexpected<Error> bad(const std::string& what) {
   return fail(ErrorCode::kInvalidArgument, what, "export the material again");
 }
 
-/// Without branches, so that the compiler can look at many at once: NaN and infinity have all
-/// exponent bits set, and negative numbers below zero the sign.
+/// Without branches, and with nothing but equality, order and bits, so that the compiler can look
+/// at many at once on any machine: NaN and infinity have all exponent bits set.
 bool all_finite(std::span<const float> values) noexcept {
-  std::uint32_t worst = 0;
+  constexpr std::uint32_t kExponent = 0x7F800000U;
+  std::uint32_t bad = 0;
   for (const float value : values) {
-    worst = std::max(worst, std::bit_cast<std::uint32_t>(value) & 0x7FFFFFFFU);
+    bad |= (std::bit_cast<std::uint32_t>(value) & kExponent) == kExponent ? 1U : 0U;
   }
-  return worst < 0x7F800000U;
+  return bad == 0;
 }
 
 bool all_positive(std::span<const float> values) noexcept {
-  bool good = true;
+  std::uint32_t bad = 0;
   for (const float value : values) {
-    good = good && !(value < 0);
+    bad |= value < 0 ? 1U : 0U;
   }
-  return good;
+  return bad == 0;
 }
 
 Status check_axis(std::string_view name, std::span<const float> axis, double low, double high) {
