@@ -79,7 +79,9 @@ Result<std::string> draw(const Options& options, const rf::Brdf& measured, const
   }
   const std::vector<plot::NamedBrdf> both{{fs::path(options.subject).filename().string(), &measured},
                                           {name(result.family), result.model.get()}};
-  return plot::curves(both, {.kind = *kind, .title = options.subject, .incidences = std::move(incidences)});
+  return plot::curves(both, {.kind = *kind,
+                             .title = fs::path(options.subject).filename().string(),
+                             .incidences = std::move(incidences)});
 }
 
 Result<Answer> run(const Options& options, const Context& context) {
