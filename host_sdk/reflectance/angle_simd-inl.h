@@ -14,15 +14,15 @@ namespace scatter::reflectance::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 template <class D>
-HWY_INLINE hn::Vec<D> SetTo(D d, double value) {
+HWY_INLINE hn::Vec<D> set_to(D d, double value) {
   return hn::Set(d, static_cast<hn::TFromD<D>>(value));
 }
 
 /// atan(t) / t for s = t^2 of at most tan^2(pi/8), interpolated at the Chebyshev nodes. The error of
 /// t P(s) is 2.8e-13 in double (degree 7) and 6.8e-9 in float (degree 4, below the rounding).
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE V AtanOverArgument(D d, V s) {
-  const auto c = [d](double value) HWY_ATTR { return SetTo(d, value); };
+HWY_INLINE V atan_over_argument(D d, V s) {
+  const auto c = [d](double value) HWY_ATTR { return set_to(d, value); };
   const V s2 = hn::Mul(s, s);
   if constexpr (sizeof(hn::TFromD<D>) == sizeof(float)) {
     const V p01 = hn::MulAdd(c(-0.33332785771924844376), s, c(0.99999998126461109305));
@@ -40,27 +40,27 @@ HWY_INLINE V AtanOverArgument(D d, V s) {
 /// Angle of the point (x, y) with y >= 0 from the x axis [rad], 0..pi; 0 for (0, 0).
 /// Error    below 1e-12 rad in double, 5e-7 rad in float.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE V UpperAngle(D d, V y, V x) {
+HWY_INLINE V upper_angle(D d, V y, V x) {
   constexpr double kTiny = sizeof(hn::TFromD<D>) == sizeof(float) ? 1e-30 : 1e-200;
   const V ax = hn::Abs(x);
   const V small = hn::Min(ax, y);
   const V large = hn::Max(ax, y);
   // atan(s/l) = pi/4 + atan((s - l)/(s + l)) keeps the argument within +-tan(pi/8).
-  const auto steep = hn::Gt(small, hn::Mul(large, SetTo(d, 0.41421356237309503)));
+  const auto steep = hn::Gt(small, hn::Mul(large, set_to(d, 0.41421356237309503)));
   const V numerator = hn::IfThenElse(steep, hn::Sub(small, large), small);
-  const V denominator = hn::Max(hn::IfThenElse(steep, hn::Add(small, large), large), SetTo(d, kTiny));
+  const V denominator = hn::Max(hn::IfThenElse(steep, hn::Add(small, large), large), set_to(d, kTiny));
   const V t = hn::Div(numerator, denominator);
-  const V offset = hn::IfThenElseZero(steep, SetTo(d, 0.78539816339744831));
-  V angle = hn::MulAdd(t, AtanOverArgument(d, hn::Mul(t, t)), offset);
-  angle = hn::IfThenElse(hn::Gt(y, ax), hn::Sub(SetTo(d, 1.5707963267948966), angle), angle);
-  return hn::IfThenElse(hn::Lt(x, hn::Zero(d)), hn::Sub(SetTo(d, 3.1415926535897932), angle), angle);
+  const V offset = hn::IfThenElseZero(steep, set_to(d, 0.78539816339744831));
+  V angle = hn::MulAdd(t, atan_over_argument(d, hn::Mul(t, t)), offset);
+  angle = hn::IfThenElse(hn::Gt(y, ax), hn::Sub(set_to(d, 1.5707963267948966), angle), angle);
+  return hn::IfThenElse(hn::Lt(x, hn::Zero(d)), hn::Sub(set_to(d, 3.1415926535897932), angle), angle);
 }
 
 /// Angle of the point (x, y) counter-clockwise from the x axis [rad], 0..2 pi; error as above.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE V FullAngle(D d, V y, V x) {
-  const V angle = UpperAngle(d, hn::Abs(y), x);
-  return hn::IfThenElse(hn::Lt(y, hn::Zero(d)), hn::Sub(SetTo(d, 6.2831853071795865), angle), angle);
+HWY_INLINE V full_angle(D d, V y, V x) {
+  const V angle = upper_angle(d, hn::Abs(y), x);
+  return hn::IfThenElse(hn::Lt(y, hn::Zero(d)), hn::Sub(set_to(d, 6.2831853071795865), angle), angle);
 }
 
 }  // namespace scatter::reflectance::HWY_NAMESPACE

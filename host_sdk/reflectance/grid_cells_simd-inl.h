@@ -39,57 +39,57 @@ struct Bracket {
 };
 
 template <class D>
-HWY_INLINE hn::Mask<D> Never(D d) {
+HWY_INLINE hn::Mask<D> never(D d) {
   return hn::MaskFromVec(hn::Zero(d));
 }
 
 /// The cell of a direction in a block.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE Cell<D> CellOf(D d, const NormalLookup& grid, V x, V y, V z, V column_offset) {
-  const V theta = UpperAngle(d, hn::Sqrt(hn::MulAdd(x, x, hn::Mul(y, y))), z);
-  const V phi = FullAngle(d, y, x);
-  const V last_row = SetTo(d, grid.last_row);
-  const V columns = SetTo(d, grid.column_count);
+HWY_INLINE Cell<D> cell_of(D d, const NormalLookup& grid, V x, V y, V z, V column_offset) {
+  const V theta = upper_angle(d, hn::Sqrt(hn::MulAdd(x, x, hn::Mul(y, y))), z);
+  const V phi = full_angle(d, y, x);
+  const V last_row = set_to(d, grid.last_row);
+  const V columns = set_to(d, grid.column_count);
   Cell<D> cell;
-  V row = hn::Mul(theta, SetTo(d, grid.row_per_rad));
-  cell.beyond = hn::Gt(row, SetTo(d, grid.last_row + grid.same_node));
-  cell.unsure = Never(d);
+  V row = hn::Mul(theta, set_to(d, grid.row_per_rad));
+  cell.beyond = hn::Gt(row, set_to(d, grid.last_row + grid.same_node));
+  cell.unsure = never(d);
   if constexpr (kIsFloat<D>) {
-    cell.unsure = hn::Lt(hn::Abs(hn::Sub(row, last_row)), SetTo(d, kUnsureInFloat));
+    cell.unsure = hn::Lt(hn::Abs(hn::Sub(row, last_row)), set_to(d, kUnsureInFloat));
   }
   row = hn::Min(row, last_row);
-  V column = hn::MulAdd(phi, SetTo(d, grid.column_per_rad), column_offset);
+  V column = hn::MulAdd(phi, set_to(d, grid.column_per_rad), column_offset);
   column = hn::Sub(column, hn::IfThenElseZero(hn::Ge(column, columns), columns));
   V row_below;
   V column_below;
-  Split(d, row, grid.same_node, row_below, cell.row_share);
-  Split(d, column, grid.same_node, column_below, cell.column_share);
+  split_steps(d, row, grid.same_node, row_below, cell.row_share);
+  split_steps(d, column, grid.same_node, column_below, cell.column_share);
   column_below = hn::Sub(column_below, hn::IfThenElseZero(hn::Ge(column_below, columns), columns));
   cell.found = hn::And(hn::And(hn::Ge(row_below, hn::Zero(d)), hn::Le(row_below, last_row)),
                        hn::And(hn::Ge(column_below, hn::Zero(d)), hn::Lt(column_below, columns)));
-  cell.node = hn::MulAdd(row_below, SetTo(d, static_cast<double>(grid.table.columns())), column_below);
+  cell.node = hn::MulAdd(row_below, set_to(d, static_cast<double>(grid.table.columns())), column_below);
   return cell;
 }
 
 /// Node below an angle on an axis and the share of the next one.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE void Place(D d, const AngleAxis& axis, double same_angle, V angle, V& below, V& share,
-                      hn::Mask<D>& outside, hn::Mask<D>& unsure) {
+HWY_INLINE void place_on(D d, const AngleAxis& axis, double same_angle, V angle, V& below, V& share,
+                         hn::Mask<D>& outside, hn::Mask<D>& unsure) {
   using T = hn::TFromD<D>;
-  const V first = SetTo(d, axis.nodes.front());
-  const V last = SetTo(d, axis.nodes.back());
+  const V first = set_to(d, axis.nodes.front());
+  const V last = set_to(d, axis.nodes.back());
   if (axis.open_low) {
-    outside = hn::Or(outside, hn::Lt(angle, SetTo(d, axis.nodes.front() - same_angle)));
-    unsure = hn::Or(unsure, hn::Lt(hn::Abs(hn::Sub(angle, first)), SetTo(d, kUnsureAngle)));
+    outside = hn::Or(outside, hn::Lt(angle, set_to(d, axis.nodes.front() - same_angle)));
+    unsure = hn::Or(unsure, hn::Lt(hn::Abs(hn::Sub(angle, first)), set_to(d, kUnsureAngle)));
   }
   if (axis.open_high) {
-    outside = hn::Or(outside, hn::Gt(angle, SetTo(d, axis.nodes.back() + same_angle)));
-    unsure = hn::Or(unsure, hn::Lt(hn::Abs(hn::Sub(angle, last)), SetTo(d, kUnsureAngle)));
+    outside = hn::Or(outside, hn::Gt(angle, set_to(d, axis.nodes.back() + same_angle)));
+    unsure = hn::Or(unsure, hn::Lt(hn::Abs(hn::Sub(angle, last)), set_to(d, kUnsureAngle)));
   }
   const V inside = hn::Max(first, hn::Min(angle, last));
   if (axis.equal_steps) {
-    Split(d, hn::Mul(hn::Sub(inside, first), SetTo(d, axis.per_rad)), same_angle * axis.per_rad, below,
-          share);
+    split_steps(d, hn::Mul(hn::Sub(inside, first), set_to(d, axis.per_rad)), same_angle * axis.per_rad, below,
+                share);
     return;
   }
   HWY_ALIGN std::array<T, HWY_MAX_BYTES / sizeof(T)> value;
@@ -116,32 +116,32 @@ HWY_INLINE void Place(D d, const AngleAxis& axis, double same_angle, V angle, V&
 }
 
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE Cell<D> CellOf(D d, const SpecularLookup& grid, const Offset<D>& offset) {
+HWY_INLINE Cell<D> cell_of(D d, const SpecularLookup& grid, const Offset<D>& offset) {
   const V rho =
-      UpperAngle(d, hn::Sqrt(hn::MulAdd(offset.x, offset.x, hn::Mul(offset.y, offset.y))), offset.z);
-  V psi = grid.folded ? UpperAngle(d, hn::Abs(offset.y), offset.x) : FullAngle(d, offset.y, offset.x);
+      upper_angle(d, hn::Sqrt(hn::MulAdd(offset.x, offset.x, hn::Mul(offset.y, offset.y))), offset.z);
+  V psi = grid.folded ? upper_angle(d, hn::Abs(offset.y), offset.x) : full_angle(d, offset.y, offset.x);
   if (grid.periodic) {
-    const V first = SetTo(d, grid.azimuth.nodes.front() - grid.same_angle);
-    psi = hn::Add(psi, hn::IfThenElseZero(hn::Lt(psi, first), SetTo(d, 2 * kPi)));
+    const V first = set_to(d, grid.azimuth.nodes.front() - grid.same_angle);
+    psi = hn::Add(psi, hn::IfThenElseZero(hn::Lt(psi, first), set_to(d, 2 * kPi)));
   }
   Cell<D> cell;
-  cell.beyond = Never(d);
-  cell.unsure = Never(d);
+  cell.beyond = never(d);
+  cell.unsure = never(d);
   V row;
   V column;
-  Place(d, grid.azimuth, grid.same_angle, psi, row, cell.row_share, cell.beyond, cell.unsure);
-  Place(d, grid.radial, grid.same_angle, rho, column, cell.column_share, cell.beyond, cell.unsure);
-  const V rows = SetTo(d, static_cast<double>(grid.azimuth.nodes.size()));
-  const V columns = SetTo(d, static_cast<double>(grid.radial.nodes.size()));
+  place_on(d, grid.azimuth, grid.same_angle, psi, row, cell.row_share, cell.beyond, cell.unsure);
+  place_on(d, grid.radial, grid.same_angle, rho, column, cell.column_share, cell.beyond, cell.unsure);
+  const V rows = set_to(d, static_cast<double>(grid.azimuth.nodes.size()));
+  const V columns = set_to(d, static_cast<double>(grid.radial.nodes.size()));
   cell.found = hn::And(hn::And(hn::Ge(row, hn::Zero(d)), hn::Lt(row, rows)),
                        hn::And(hn::Ge(column, hn::Zero(d)), hn::Lt(column, columns)));
-  cell.node = hn::MulAdd(row, SetTo(d, static_cast<double>(grid.table.columns())), column);
+  cell.node = hn::MulAdd(row, set_to(d, static_cast<double>(grid.table.columns())), column);
   return cell;
 }
 
 /// Entries of a short table, one per lane; index holds whole numbers.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE V Pick(D d, const std::vector<float>& table, std::size_t count,
+HWY_INLINE V pick(D d, const std::vector<float>& table, std::size_t count,
                   hn::Vec<hn::RebindToSigned<D>> index) {
   if (HWY_LIKELY(count <= hn::Lanes(d))) {
     return hn::TableLookupLanes(hn::LoadU(d, table.data()), hn::IndicesFromVec(d, index));
@@ -150,9 +150,9 @@ HWY_INLINE V Pick(D d, const std::vector<float>& table, std::size_t count,
 }
 
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE Bracket<D> BracketOf(D d, const IncidenceAxis& axis, V sin_i, V cos_i) {
+HWY_INLINE Bracket<D> bracket_of(D d, const IncidenceAxis& axis, V sin_i, V cos_i) {
   const hn::RebindToSigned<D> whole;
-  const V not_below = SetTo(d, -axis.same_angle);
+  const V not_below = set_to(d, -axis.same_angle);
   V reached = hn::Zero(d);
   for (std::size_t p = 0; p < axis.count; ++p) {
     // sin(theta_i - theta of p): the sign decides, and it needs no angle.
@@ -163,49 +163,49 @@ HWY_INLINE Bracket<D> BracketOf(D d, const IncidenceAxis& axis, V sin_i, V cos_i
   Bracket<D> b;
   b.lower = hn::Max(hn::Sub(reached, hn::Set(d, 1.0F)), hn::Zero(d));
   const auto lower = hn::ConvertTo(whole, b.lower);
-  b.lower_cos = Pick(d, axis.cosine, axis.count, lower);
-  b.lower_sin = Pick(d, axis.sine, axis.count, lower);
+  b.lower_cos = pick(d, axis.cosine, axis.count, lower);
+  b.lower_sin = pick(d, axis.sine, axis.count, lower);
   const V from_lower = hn::MulSub(sin_i, b.lower_cos, hn::Mul(cos_i, b.lower_sin));
   const auto none = hn::Eq(reached, hn::Zero(d));
-  const auto exact = hn::And(hn::Not(none), hn::Le(hn::Abs(from_lower), SetTo(d, axis.same_angle)));
+  const auto exact = hn::And(hn::Not(none), hn::Le(hn::Abs(from_lower), set_to(d, axis.same_angle)));
   b.outside = hn::Or(none, hn::And(hn::Not(exact), hn::Eq(b.lower, top)));
   const auto alone = hn::Or(exact, b.outside);
   b.upper = hn::IfThenElse(alone, b.lower, hn::Add(b.lower, hn::Set(d, 1.0F)));
   const auto upper = hn::ConvertTo(whole, b.upper);
   b.share = hn::IfThenZeroElse(
-      alone, hn::Mul(hn::Sub(UpperAngle(d, sin_i, cos_i), Pick(d, axis.theta, axis.count, lower)),
-                     Pick(d, axis.inverse_gap, axis.count, lower)));
-  b.lower_column = Pick(d, axis.column_offset, axis.count, lower);
-  b.upper_column = Pick(d, axis.column_offset, axis.count, upper);
+      alone, hn::Mul(hn::Sub(upper_angle(d, sin_i, cos_i), pick(d, axis.theta, axis.count, lower)),
+                     pick(d, axis.inverse_gap, axis.count, lower)));
+  b.lower_column = pick(d, axis.column_offset, axis.count, lower);
+  b.upper_column = pick(d, axis.column_offset, axis.count, upper);
   // An incidence of the grid itself needs no turning.
-  b.upper_cos = hn::IfThenElse(exact, cos_i, Pick(d, axis.cosine, axis.count, upper));
-  b.upper_sin = hn::IfThenElse(exact, sin_i, Pick(d, axis.sine, axis.count, upper));
+  b.upper_cos = hn::IfThenElse(exact, cos_i, pick(d, axis.cosine, axis.count, upper));
+  b.upper_sin = hn::IfThenElse(exact, sin_i, pick(d, axis.sine, axis.count, upper));
   b.lower_cos = hn::IfThenElse(exact, cos_i, b.lower_cos);
   b.lower_sin = hn::IfThenElse(exact, sin_i, b.lower_sin);
   return b;
 }
 
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE Bracket<D> BracketAndOffset(D d, const IncidenceAxis& axis, bool transmits, double lowest_z,
-                                       const hn::TFromD<D>* omega_i, const hn::TFromD<D>* omega_o,
-                                       Offset<D>& offset) {
+HWY_INLINE Bracket<D> bracket_and_offset(D d, const IncidenceAxis& axis, bool transmits, double lowest_z,
+                                         const hn::TFromD<D>* omega_i, const hn::TFromD<D>* omega_o,
+                                         Offset<D>& offset) {
   V ix, iy, iz, ox, oy, oz;
   hn::LoadInterleaved3(d, omega_i, ix, iy, iz);
   hn::LoadInterleaved3(d, omega_o, ox, oy, oz);
   const V up = transmits ? hn::Neg(oz) : oz;
   const V sin_i = hn::Sqrt(hn::MulAdd(ix, ix, hn::Mul(iy, iy)));
-  const auto normal = hn::Lt(sin_i, SetTo(d, axis.same_angle));
-  const V inverse = hn::Div(SetTo(d, 1.0), hn::Max(sin_i, SetTo(d, 1e-30)));
-  const V c = hn::IfThenElse(normal, SetTo(d, axis.normal_cos_phi), hn::Mul(ix, inverse));
-  const V s = hn::IfThenElse(normal, SetTo(d, axis.normal_sin_phi), hn::Mul(iy, inverse));
+  const auto normal = hn::Lt(sin_i, set_to(d, axis.same_angle));
+  const V inverse = hn::Div(set_to(d, 1.0), hn::Max(sin_i, set_to(d, 1e-30)));
+  const V c = hn::IfThenElse(normal, set_to(d, axis.normal_cos_phi), hn::Mul(ix, inverse));
+  const V s = hn::IfThenElse(normal, set_to(d, axis.normal_sin_phi), hn::Mul(iy, inverse));
   const V along = hn::MulAdd(ox, c, hn::Mul(oy, s));
   offset.x = hn::MulAdd(along, iz, hn::Mul(up, sin_i));
   offset.y = hn::MulSub(oy, c, hn::Mul(ox, s));
   offset.z = hn::MulSub(up, iz, hn::Mul(along, sin_i));
-  Bracket<D> b = BracketOf(d, axis, sin_i, iz);
+  Bracket<D> b = bracket_of(d, axis, sin_i, iz);
   // x == x is false for NaN only, which every component of either direction puts into x or y.
   const auto numbers = hn::And(hn::Eq(offset.x, offset.x), hn::Eq(offset.y, offset.y));
-  b.valid = hn::And(numbers, hn::And(hn::Gt(iz, hn::Zero(d)), hn::Gt(up, SetTo(d, lowest_z))));
+  b.valid = hn::And(numbers, hn::And(hn::Gt(iz, hn::Zero(d)), hn::Gt(up, set_to(d, lowest_z))));
   return b;
 }
 

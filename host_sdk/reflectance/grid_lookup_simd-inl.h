@@ -49,7 +49,7 @@ inline constexpr bool kIsFloat = sizeof(hn::TFromD<D>) == sizeof(float);
 
 /// Whole steps below a position, and the rest. In double a position nearer to a node than `same` is the node.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE void Split(D d, V position, double same, V& below, V& share) {
+HWY_INLINE void split_steps(D d, V position, double same, V& below, V& share) {
   if constexpr (kIsFloat<D>) {
     below = hn::Floor(position);
     share = hn::Sub(position, below);
@@ -65,8 +65,8 @@ HWY_INLINE void Split(D d, V position, double same, V& below, V& share) {
 /// Four nodes' channels [c, c + lanes) mixed bilinearly, as a + t (b - a): exact where both are equal
 /// and where t is 0.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE V CellValue(D d, const float* first, std::size_t node_floats, std::size_t row_floats,
-                       hn::TFromD<D> row_share, hn::TFromD<D> column_share) {
+HWY_INLINE V cell_value(D d, const float* first, std::size_t node_floats, std::size_t row_floats,
+                        hn::TFromD<D> row_share, hn::TFromD<D> column_share) {
   const auto load = [d](const float* from) HWY_ATTR {
     if constexpr (kIsFloat<D>) {
       return hn::LoadU(d, from);
@@ -97,14 +97,14 @@ HWY_INLINE V CellValue(D d, const float* first, std::size_t node_floats, std::si
 
 /// One channel: two floats per node, the second of which is the code.
 template <class T>
-HWY_INLINE T OneValue(const float* first, std::size_t row_floats, T row_share, T column_share) {
+HWY_INLINE T one_value(const float* first, std::size_t row_floats, T row_share, T column_share) {
   const T low = first[0] + row_share * (static_cast<T>(first[row_floats]) - first[0]);
   const T high = first[2] + row_share * (static_cast<T>(first[row_floats + 2]) - first[2]);
   return low + column_share * (high - low);
 }
 
 template <class D>
-HWY_INLINE void StoreAsDouble(D d, hn::Vec<D> value, double* out) {
+HWY_INLINE void store_as_double(D d, hn::Vec<D> value, double* out) {
   if constexpr (!kIsFloat<D>) {
     hn::StoreU(value, d, out);
   } else {
@@ -122,7 +122,7 @@ HWY_INLINE void StoreAsDouble(D d, hn::Vec<D> value, double* out) {
 }
 
 template <class T>
-HWY_INLINE bool AtNode(T share) {
+HWY_INLINE bool at_node(T share) {
   if constexpr (sizeof(T) == sizeof(float)) {
     return share < static_cast<T>(kUnsureInFloat) || share > static_cast<T>(1 - kUnsureInFloat);
   } else {
@@ -132,10 +132,10 @@ HWY_INLINE bool AtNode(T share) {
 
 /// Whether the scalar code has to say which nodes of a cell of several origins are in use.
 template <class T>
-HWY_NOINLINE bool MustAsk(const Located<T>& located, std::size_t k, std::size_t blocks) {
+HWY_NOINLINE bool must_ask(const Located<T>& located, std::size_t k, std::size_t blocks) {
   bool ask = (located.code[k] & CellTable::kMixed) != 0;
   for (std::size_t b = 0; b < blocks && located.code[k] != CellTable::kNothing; ++b) {
-    ask = ask || AtNode(located.row_share[b][k]) || AtNode(located.column_share[b][k]);
+    ask = ask || at_node(located.row_share[b][k]) || at_node(located.column_share[b][k]);
   }
   return ask;
 }
@@ -143,9 +143,9 @@ HWY_NOINLINE bool MustAsk(const Located<T>& located, std::size_t k, std::size_t 
 /// Reads and mixes the values of located pairs. Blocks is 1, 2 (mixed by `share`) or 0: `count`
 /// blocks with constant weights. Channels is 0 for any number.
 template <std::size_t Blocks, std::size_t Channels, class T>
-HWY_INLINE void MixChannels(const CellTable& table, const Located<T>& located, std::size_t pairs,
-                            std::size_t count, const T* weights, double* HWY_RESTRICT f,
-                            Origin* HWY_RESTRICT origin) {
+HWY_INLINE void mix_channels(const CellTable& table, const Located<T>& located, std::size_t pairs,
+                             std::size_t count, const T* weights, double* HWY_RESTRICT f,
+                             Origin* HWY_RESTRICT origin) {
   const hn::CappedTag<T, 4> d;
   const std::size_t lanes = hn::Lanes(d);
   const std::size_t channels = Channels == 0 ? table.channels() : Channels;
@@ -161,7 +161,7 @@ HWY_INLINE void MixChannels(const CellTable& table, const Located<T>& located, s
       code |= CellTable::code_at(first[b], node_floats);
     }
     if (HWY_UNLIKELY(code >= CellTable::kMixed)) {
-      if (MustAsk(located, k, blocks)) {
+      if (must_ask(located, k, blocks)) {
         origin[k] = kAskScalar;
         continue;
       }
@@ -173,7 +173,7 @@ HWY_INLINE void MixChannels(const CellTable& table, const Located<T>& located, s
     if (Channels == 0 && channels == 1) {
       T sum = 0;
       for (std::size_t b = 0; b < blocks; ++b) {
-        const T value = OneValue(first[b], row_floats, located.row_share[b][k], located.column_share[b][k]);
+        const T value = one_value(first[b], row_floats, located.row_share[b][k], located.column_share[b][k]);
         if constexpr (Blocks == 2) {
           sum = b == 0 ? value : sum + located.share[k] * (value - sum);
         } else {
@@ -185,8 +185,8 @@ HWY_INLINE void MixChannels(const CellTable& table, const Located<T>& located, s
     }
     for (std::size_t c = 0; c < channels; c += lanes) {
       const auto value_of = [&](std::size_t b) HWY_ATTR {
-        return CellValue(d, first[b] + c, node_floats, row_floats, located.row_share[b][k],
-                         located.column_share[b][k]);
+        return cell_value(d, first[b] + c, node_floats, row_floats, located.row_share[b][k],
+                          located.column_share[b][k]);
       };
       auto sum = value_of(0);
       if constexpr (Blocks == 2) {
@@ -200,10 +200,10 @@ HWY_INLINE void MixChannels(const CellTable& table, const Located<T>& located, s
       sum = hn::Mul(sum, hn::Set(d, keep));
       // A store that reaches into the next pair's place is overwritten by that pair.
       if (HWY_LIKELY(k + 1 < pairs) || c + lanes <= channels) {
-        StoreAsDouble(d, sum, out + c);
+        store_as_double(d, sum, out + c);
       } else {
         std::array<double, 4> last;
-        StoreAsDouble(d, sum, last.data());
+        store_as_double(d, sum, last.data());
         std::copy_n(last.data(), channels - c, out + c);
       }
     }
@@ -211,12 +211,12 @@ HWY_INLINE void MixChannels(const CellTable& table, const Located<T>& located, s
 }
 
 template <std::size_t Blocks, class T>
-HWY_INLINE void Mix(const CellTable& table, const Located<T>& located, std::size_t pairs, std::size_t count,
+HWY_INLINE void mix(const CellTable& table, const Located<T>& located, std::size_t pairs, std::size_t count,
                     const T* weights, double* HWY_RESTRICT f, Origin* HWY_RESTRICT origin) {
   if (Blocks != 0 && table.channels() == 3) {
-    MixChannels<Blocks, 3>(table, located, pairs, count, weights, f, origin);
+    mix_channels<Blocks, 3>(table, located, pairs, count, weights, f, origin);
   } else {
-    MixChannels<Blocks, 0>(table, located, pairs, count, weights, f, origin);
+    mix_channels<Blocks, 0>(table, located, pairs, count, weights, f, origin);
   }
 }
 

@@ -356,19 +356,19 @@ TEST_CASE("Angles by polynomial are those of libm") {
       x *= std::pow(10, 9 * unit(random) - 9);
     }
     const auto turned = [](double angle) { return angle < 0 ? angle + 2 * kPi : angle; };
-    worst = std::max(worst, std::abs(hn::GetLane(simd::FullAngle(d, hn::Set(d, y), hn::Set(d, x))) -
+    worst = std::max(worst, std::abs(hn::GetLane(simd::full_angle(d, hn::Set(d, y), hn::Set(d, x))) -
                                      turned(std::atan2(y, x))));
     const auto fy = static_cast<float>(y);
     const auto fx = static_cast<float>(x);
     const double exact = turned(std::atan2(static_cast<double>(fy), static_cast<double>(fx)));
     worst_float = std::max(
         worst_float,
-        std::abs(static_cast<double>(hn::GetLane(simd::FullAngle(s, hn::Set(s, fy), hn::Set(s, fx)))) -
+        std::abs(static_cast<double>(hn::GetLane(simd::full_angle(s, hn::Set(s, fy), hn::Set(s, fx)))) -
                  exact));
   }
   CHECK(worst < 1e-12);
   CHECK(worst_float < 5e-7);
-  CHECK(hn::GetLane(simd::FullAngle(d, hn::Zero(d), hn::Zero(d))) == 0);
-  CHECK(hn::GetLane(simd::FullAngle(d, hn::Zero(d), hn::Set(d, 1.0))) == 0);
-  CHECK(hn::GetLane(simd::FullAngle(d, hn::Zero(d), hn::Set(d, -1.0))) == Approx(kPi).epsilon(1e-15));
+  CHECK(hn::GetLane(simd::full_angle(d, hn::Zero(d), hn::Zero(d))) == 0);
+  CHECK(hn::GetLane(simd::full_angle(d, hn::Zero(d), hn::Set(d, 1.0))) == 0);
+  CHECK(hn::GetLane(simd::full_angle(d, hn::Zero(d), hn::Set(d, -1.0))) == Approx(kPi).epsilon(1e-15));
 }
