@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <ranges>
@@ -202,6 +203,7 @@ class Gatherer {
   /// Gives every row its sample, in the order in which geometries come.
   Status read_rows() {
     const std::size_t rows = channel_.size();
+    const std::vector<double>& values = find("BRDF")->numbers;
     std::map<Geometry, std::uint32_t> known;
     rows_.reserve(rows);
     auto hint = known.end();
@@ -218,6 +220,9 @@ class Gatherer {
           out_.geometry.push_back(*geometry);
           out_.angles_deg.push_back(exact);
         }
+      }
+      if (const double f = values[row]; !(std::abs(f) <= std::numeric_limits<float>::max())) {
+        return bad(fmt::format("data.BRDF, row {}: {}, expected a finite number for 32 bits", row + 1, f));
       }
       std::uint8_t state = 0;
       if (!polarizations_.empty()) {

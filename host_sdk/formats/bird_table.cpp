@@ -157,6 +157,9 @@ class Reader final : public nlohmann::json_sax<Json> {
   }
   /// Ends the parsing.
   bool refuse(std::string_view what) {
+    if (value_depth_ != 0) {
+      levels_.resize(value_depth_ - 1);  // The list's own name; its length says where in it.
+    }
     const std::string place =
         column_ != nullptr ? fmt::format(" after {} values", column_->size()) : std::string();
     error_ = fmt::format("{}{}: {}", printable(path()), place, what);

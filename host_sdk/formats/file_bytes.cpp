@@ -61,8 +61,12 @@ Result<std::string> read_file(const fs::path& path) {
   if (!in) {
     return stream_error(path, "open it");
   }
-  std::string bytes(static_cast<std::size_t>(size), '\0');
-  in.read(bytes.data(), static_cast<std::streamsize>(size));
+  std::string bytes;
+  // No zeros first: the memory is as large as the file.
+  bytes.resize_and_overwrite(static_cast<std::size_t>(size), [&in](char* to, std::size_t count) {
+    in.read(to, static_cast<std::streamsize>(count));
+    return static_cast<std::size_t>(in.gcount());
+  });
   if (in.gcount() != static_cast<std::streamsize>(size)) {
     return cannot(ErrorCode::kDataLoss, path, fmt::format("gave {} of {} bytes", in.gcount(), size),
                   "check that nothing else writes the file");

@@ -1,7 +1,12 @@
 #include "host_sdk/reflectance/sampled_grid.h"
 
+#include <algorithm>
+
 namespace scatter::reflectance {
 namespace {
+
+/// cos(90 deg) as rounded: the least that counts as above the horizon.
+constexpr double kHorizon = 6e-17;
 
 void fill(const Brdf& brdf, GridPart& part, const std::vector<Direction>& omega_o) {
   const std::size_t nodes = omega_o.size();
@@ -63,6 +68,8 @@ Result<GridBrdf> sample_on_grid(const Brdf& brdf, const GridLayout& layout) {
   for (std::size_t n = 0; n < layout.theta_count * layout.phi_count; ++n) {
     Direction w = from_spherical(static_cast<double>(n / layout.phi_count) * content.theta_step,
                                  static_cast<double>(n % layout.phi_count) * content.phi_step);
+    // Rounding must not put the row at 90 deg below the horizon, where nothing has a value.
+    w.z = std::max(w.z, kHorizon);
     w.z = content.type == ScatterType::kBtdf ? -w.z : w.z;
     omega_o.push_back(w);
   }

@@ -1,4 +1,5 @@
-// The Zemax reader: what it accepts is a consistent grid, the same with either kind of line end.
+// The Zemax reader: what it accepts is a consistent grid, the same with either kind of line end, and
+// what our writer makes of it reads back.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -35,6 +36,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                same->content().radial != grid->content().radial ||
                !SpecularGridBrdf::make(grid->content()).has_value())) {
     std::abort();
+  }
+  // What our writer makes of it reads back, to the digits written.
+  if (grid && grid->content().f_per_sr[0].size() < 4096) {
+    const auto written = scatter::formats::encode_zemax(*grid, {.digits = 9, .rgb_sections = true});
+    if (!written) {
+      std::abort();
+    }
+    const auto again = scatter::formats::decode_zemax(*written, "again.bsdf");
+    if (!again || again->content().theta_i.size() != grid->content().theta_i.size() ||
+        again->channels() != grid->channels() ||
+        (again->content().plane_symmetric == grid->content().plane_symmetric &&
+         again->content().f_per_sr != grid->content().f_per_sr)) {
+      std::abort();
+    }
   }
   return 0;
 }
