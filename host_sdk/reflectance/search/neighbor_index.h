@@ -49,8 +49,9 @@ struct Neighbor {
 /// Queries   a query with a NaN or infinite component has no neighbours.
 /// Structure R-tree of 16-ary nodes with tight boxes over leaves of at most 64 points; boxes and
 ///           points are tested 4, 8 or 16 at a time, as the processor allows at run time.
-/// Memory    22 bytes per point when built in bulk, 30 to 40 when grown one by one; `memory_bytes` counts
-/// everything. Threads   const functions from any number of threads; changes need exclusive access.
+/// Memory    22 bytes per point when built in bulk, up to twice that after many changes;
+///           `memory_bytes` counts everything and `rebuild` gives the rest back.
+/// Threads   const functions from any number of threads; changes need exclusive access.
 class NeighborIndex {
  public:
   /// Empty.
@@ -68,6 +69,8 @@ class NeighborIndex {
                                                    std::span<const std::uint32_t> ids);
 
   /// Errors  kInvalidArgument: a component is NaN or infinite; nothing changed.
+  /// Cost    O(log size); every so many additions or removals (half the size) everything is built
+  ///         anew, which keeps searches fast and makes that one call as long as `build`.
   [[nodiscard]] Status add(const Point& point, std::uint32_t id);
   /// Takes out one entry with this point and id, and its memory.
   /// Returns false when there is none.

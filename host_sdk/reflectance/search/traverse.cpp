@@ -30,6 +30,10 @@ constexpr std::size_t kLanes = hn::MaxLanes(kFloats);
 constexpr std::size_t kKeyLanes = hn::MaxLanes(kKeys);
 constexpr std::size_t kSteps = kFanOut / kLanes;
 
+constexpr std::size_t kPrefetched = 704;  // Bytes: the points of a common leaf, the boxes of a node.
+// A batch stops looking back for a while when a query took in so many points all the same.
+constexpr std::size_t kUselessPerNeighbor = 2;
+constexpr std::size_t kPause = 16;
 constexpr int kFewLanes = 3;  // Up to here a loop over the lanes is faster than a vector's minimum.
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
@@ -175,6 +179,7 @@ class RowNearest : public FewNearest<kCapacity> {
 
   void start() {
     FewNearest<kCapacity>::start();
+    taken_ = 0;
     count_ = 0;
     full_ = false;
   }
@@ -182,6 +187,7 @@ class RowNearest : public FewNearest<kCapacity> {
   HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
     FewNearest<kCapacity>::take(bits, distances, leaf);
     const std::size_t slots = leaf_slots(leaf.count);
+    taken_ += static_cast<std::size_t>(std::popcount(bits));
     for (; bits != 0 && count_ < kRoom; bits &= bits - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
       distance_[count_] = distances[lane];
@@ -195,6 +201,9 @@ class RowNearest : public FewNearest<kCapacity> {
       full_ |= count_ == kRoom;
     }
   }
+
+  /// Points that were taken in since the start.
+  [[nodiscard]] std::size_t taken() const { return taken_; }
 
   /// Upper limit of the k-th distance from another place, infinity when not known.
   HWY_INLINE float limit_at(const Query& q, std::size_t k) {
@@ -229,6 +238,7 @@ class RowNearest : public FewNearest<kCapacity> {
     count_ = kept;
   }
 
+  std::size_t taken_ = 0;
   std::size_t count_ = 0;
   bool full_ = false;
   alignas(64) float distance_[kRoom];
@@ -355,7 +365,16 @@ HWY_INLINE std::uint32_t near_children(const Step& step, float worst) {
   return near & step.left;
 }
 
+HWY_INLINE void prefetch(const void* at, std::size_t bytes) {
+  const auto* line = static_cast<const std::uint8_t*>(at);
+  for (std::size_t n = 0; n < bytes; n += 64) {
+    hwy::Prefetch(line + n);
+  }
+}
+
 HWY_INLINE void enter(const Query& q, const Node& node, float worst, Step& step) {
+  // What is read after the boxes comes along with them.
+  prefetch(node.child, sizeof node.child + sizeof node.points);
   const FloatVector limit = hn::Set(kFloats, worst);
   std::uint32_t near = 0;
   for (std::size_t s = 0; s < kSteps; ++s) {
@@ -390,13 +409,6 @@ HWY_INLINE std::size_t least_of(const float* distance, std::uint32_t among) {
   return static_cast<std::size_t>(std::countr_zero(equal & among));
 }
 
-HWY_INLINE void prefetch(const void* at, std::size_t bytes) {
-  const auto* line = static_cast<const std::uint8_t*>(at);
-  for (std::size_t n = 0; n < bytes; n += 64) {
-    hwy::Prefetch(line + n);
-  }
-}
-
 // Depth first, the nearest child first; what cannot hold anything near enough is never entered.
 template <typename Nearest>
 HWY_INLINE void walk(const Node* root, const Point& query, Nearest& nearest, Step* steps) {
@@ -416,6 +428,9 @@ HWY_INLINE void walk(const Node* root, const Point& query, Nearest& nearest, Ste
     const std::size_t c = least_of(step->distance, step->left);
     step->left &= ~(1U << c);
     const Node& node = *step->node;
+    if (!first && step->left != 0) {
+      prefetch(node.child[std::countr_zero(step->left)], kPrefetched);
+    }
     if (!node.is_leaf(c)) {
       ++step;
       enter(q, *node.node(c), nearest.worst(), *step);
@@ -467,23 +482,32 @@ std::size_t nearest_impl(const Tree& tree, const Point& query, std::size_t k, Ne
 template <std::size_t kCapacity>
 void few_rows(const Tree& tree, const Point* queries, std::size_t count, std::size_t k, Neighbor* out) {
   Step steps[kMostLevels];
+  FewNearest<kCapacity> alone(k);
   // The one in use and the one before it.
   RowNearest<kCapacity> nearest[2] = {RowNearest<kCapacity>(k), RowNearest<kCapacity>(k)};
   bool known = false;
+  std::size_t pause = 0;  // Queries to come for which looking back does not pay.
   for (std::size_t n = 0; n < count; ++n) {
     Neighbor* row = out + n * k;
     std::size_t found = 0;
-    if (is_finite(queries[n])) {
+    if (!is_finite(queries[n])) {
+      known = false;
+    } else if (pause > 0) {
+      --pause;
+      alone.start();
+      walk(tree.root, queries[n], alone, steps);
+      found = alone.give(k, row);
+    } else {
       RowNearest<kCapacity>& now = nearest[n % 2];
-      RowNearest<kCapacity>& before = nearest[1 - n % 2];
       now.start();
       if (known) {
-        now.limit(before.limit_at(spread(queries[n]), k));
+        now.limit(nearest[1 - n % 2].limit_at(spread(queries[n]), k));
       }
       walk(tree.root, queries[n], now, steps);
       found = now.give(k, row);
+      pause = known && now.taken() > kUselessPerNeighbor * k ? kPause : 0;
+      known = pause == 0 && found == k;
     }
-    known = found == k;
     std::fill(row + found, row + k, Neighbor{kInfinity, 0xFFFFFFFFU});
   }
 }
@@ -506,6 +530,18 @@ void nearest_rows_impl(const Tree& tree, const Point* queries, std::size_t count
   }
 }
 
+std::uint32_t around_impl(const Node& node, const Point& p) {
+  Step step;
+  enter(spread(p), node, 0.0F, step);
+  return step.left;
+}
+
+std::size_t nearest_child_impl(const Node& node, const Point& p) {
+  Step step;
+  enter(spread(p), node, kInfinity, step);
+  return least_of(step.distance, step.left);
+}
+
 void collect_impl(const Tree& tree, const Point& query, float radius_squared, std::vector<Neighbor>& out) {
   if (tree.root == nullptr || !is_finite(query) || !(radius_squared >= 0)) {
     return;
@@ -525,6 +561,16 @@ namespace scatter::search {
 HWY_EXPORT(nearest_impl);
 HWY_EXPORT(nearest_rows_impl);
 HWY_EXPORT(collect_impl);
+HWY_EXPORT(around_impl);
+HWY_EXPORT(nearest_child_impl);
+
+std::uint32_t children_around(const Node& node, const Point& p) {
+  return HWY_DYNAMIC_DISPATCH(around_impl)(node, p);
+}
+
+std::size_t nearest_child(const Node& node, const Point& p) {
+  return HWY_DYNAMIC_DISPATCH(nearest_child_impl)(node, p);
+}
 
 std::size_t nearest_one(const Tree& tree, const Point& query, std::span<Neighbor> out) {
   return HWY_DYNAMIC_DISPATCH(nearest_impl)(tree, query, out.size(), out.data());

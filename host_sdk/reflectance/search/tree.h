@@ -129,7 +129,8 @@ struct Tree {
   Pool pool;
   Node* root = nullptr;  ///< nullptr when empty.
   std::size_t size = 0;
-  std::size_t levels = 0;  ///< Most nodes on a way down, or more; at most kMostLevels.
+  std::size_t changes = 0;  ///< Additions and removals since the tree was built in bulk.
+  std::size_t levels = 0;   ///< Most nodes on a way down, or more; at most kMostLevels.
 };
 
 }  // namespace scatter::search
