@@ -7,8 +7,6 @@
 namespace scatter::reflectance {
 namespace {
 
-constexpr std::uint32_t kKnown = std::numeric_limits<std::uint32_t>::max();
-
 /// Calls visit(neighbour, conductance) for the nodes next to one; the pole is node 0 and has a
 /// neighbour per column. Conductance: length of the common side over the distance, on the unit sphere.
 template <typename Visit>
