@@ -22,7 +22,6 @@ namespace {
 
 using reflectance::Brdf;
 using reflectance::degrees;
-using reflectance::Direction;
 using reflectance::GridBrdf;
 using reflectance::GridPart;
 using reflectance::kPi;

@@ -43,9 +43,7 @@ float rounded_slowly(const char* start, const char* stop, int magnitude) noexcep
 
 const char* parse_decimal(const char* at, const char* end, float& value) noexcept {
   const bool negative = at != end && *at == '-';
-  if (at != end && *at == '+') {
-    ++at;
-  } else if (negative) {
+  if (negative || (at != end && *at == '+')) {
     ++at;
   }
   const char* const digits = at;
