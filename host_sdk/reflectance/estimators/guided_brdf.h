@@ -34,7 +34,8 @@ namespace scatter::reflectance {
 /// Source    reflectance.md 3 ("a better one is wanted"); docs/decisions/0008.
 class GuidedBrdf final : public Estimator {
  public:
-  /// Errors  kFailedPrecondition: fewer than two incidences, or one of them without positive values;
+  /// Errors  kFailedPrecondition: fewer than two incidences, one without a measured value, a channel
+  ///         without a positive one;
   ///         kInvalidArgument: incidences not ascending in 0..pi/2.
   /// Cost    see select_guided; memory: 4 bytes per value and model in use, and once for the values.
   [[nodiscard]] static Result<std::shared_ptr<const GuidedBrdf>> make(std::shared_ptr<const Brdf> inner);

@@ -155,13 +155,7 @@ Result<GuidedData> gather_guided(const Brdf& source, const GuidedGrid& grid, std
     std::vector<std::uint8_t> measured(grid.size());
     std::vector<float> values(f.begin(), f.end());
     for (std::size_t node = 0; node < grid.size(); ++node) {
-      // A black direction of all channels is what writers put where they have nothing.
-      bool black = true;
-      for (std::size_t c = 0; c < data.channels; ++c) {
-        black = black && f[node * data.channels + c] == 0;
-      }
-      const bool usable = origin[node] == Origin::kMeasured || origin[node] == Origin::kInterpolated;
-      measured[node] = usable && !black ? 1 : 0;
+      measured[node] = origin[node] == Origin::kMeasured || origin[node] == Origin::kInterpolated ? 1 : 0;
       for (std::size_t c = 0; measured[node] != 0 && c < data.channels; ++c) {
         if (values[node * data.channels + c] > 0) {
           positive[c].push_back(values[node * data.channels + c]);

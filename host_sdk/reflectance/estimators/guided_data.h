@@ -63,7 +63,7 @@ struct GuidedData {
 inline constexpr double kGuidedThetaTo = radians(80.0);
 
 /// Asks `source` at the nodes of every incidence; extrapolated answers count as not measured.
-/// Errors  kFailedPrecondition: an incidence without a positive value.
+/// Errors  kFailedPrecondition: an incidence without a measured value, a channel without a positive one.
 [[nodiscard]] Result<GuidedData> gather_guided(const Brdf& source, const GuidedGrid& grid,
                                                std::span<const double> theta_i, double azimuth,
                                                bool isotropic);

@@ -22,15 +22,19 @@ constexpr std::array<const char*, 8> kFamilies{"ggx",       "beckmann",       "w
 constexpr std::size_t kTriedGuides = 5;
 constexpr std::size_t kFitSamples = 2400;
 /// So many candidates stay in the mixture.
-constexpr std::size_t kMembers = 8;
+constexpr std::size_t kMembers = 12;
+/// Candidates that differ by less than this part of their error are one: a mixture of twins is none.
+constexpr double kSameShare = 0.1;
 /// Nodes predicted per region and held-back incidence.
 constexpr std::size_t kNodesPerRegion = 200;
 /// Weights go as error^-kSharpness: 2 averages the noise of equally good ways, infinity takes one.
-constexpr double kSharpness = 6;
+constexpr double kSharpness = 4;
 /// Errors below this are equal: noise, not the method.
 constexpr double kLeastError = 1e-4;
 /// At most so many incidences are held back; the rest is skipped evenly.
 constexpr std::size_t kMostHeldBack = 4;
+/// The simple way is taken where it is better by more than this; less is a draw, and a mixture is safer.
+constexpr double kClearlyWorse = 1.1;
 /// No single value counts for more than this.
 constexpr double kLargestError = 1;
 /// Ring centres lie at 2^(k - 0.5) * 2 deg: 1.4, 2.8, 5.7, 11, 23 and 45 deg from the mirror direction.
@@ -211,6 +215,37 @@ Errors errors_of(std::span<const Trial> trials, std::size_t candidates, std::siz
   return errors;
 }
 
+/// What linear candidates would do between the incidences that there are, which lie half as far apart as
+/// those around a held-back one: of the square of their error what the cubic one of the same kind does
+/// away with is curvature, and falls to a sixteenth; the rest is noise.
+void halve_gap(std::span<const GuidedCandidate> candidates, std::span<double> error) {
+  for (std::size_t q = 0; q < candidates.size(); ++q) {
+    if (candidates[q].joint != Joint::kLogCubic) {
+      continue;
+    }
+    // The linear one of the same kind stands before its cubic one (all_candidates).
+    double& linear = error[q - 1];
+    if (linear > error[q]) {
+      linear = std::sqrt(error[q] * error[q] + (linear * linear - error[q] * error[q]) / 16);
+    }
+  }
+}
+
+/// Mean difference of ln f between two candidates' predictions.
+double mean_difference(std::span<const Trial> trials, std::size_t a, std::size_t b) {
+  double sum = 0;
+  double count = 0;
+  for (const Trial& trial : trials) {
+    const std::size_t size = trial.log_truth.size();
+    for (std::size_t k = 0; k < size; ++k) {
+      sum += std::abs(
+          static_cast<double>(trial.log_predicted[a * size + k] - trial.log_predicted[b * size + k]));
+    }
+    count += static_cast<double>(size);
+  }
+  return sum / count;
+}
+
 std::vector<float> weights_of(const Errors& errors, std::span<const std::size_t> members) {
   const std::size_t candidates = errors.mean.size();
   std::vector<float> weight(GuidedRegions::kCount * members.size());
@@ -381,16 +416,16 @@ Result<GuidedMixture> select_guided(const GuidedData& data) {
   for (std::size_t t = 0; t < held_back.size(); ++t) {
     std::vector<std::size_t> use = all;
     use.erase(use.begin() + static_cast<std::ptrdiff_t>(held_back[t]));
-    const std::vector<Guide> without = fit_guides(data, use, families, nullptr);
-    if (without.size() != kept.size()) {
-      return fail(ErrorCode::kInternal, "guided: a model fits all incidences but not all but one",
-                  "interpolate without a guide");
+    // A family that cannot be fitted without this incidence stands in with its fit to everything.
+    std::vector<Guide> guides_here = kept;
+    for (Guide& refitted : fit_guides(data, use, families, nullptr)) {
+      *std::ranges::find(guides_here, refitted.name, &Guide::name) = std::move(refitted);
     }
     Trial& trial = trials[t];
     trial.theta_i = data.theta_i[held_back[t]];
     choose_nodes(data, held_back[t], trial);
     trial.log_predicted.resize(candidates.size() * trial.log_truth.size());
-    const GuidedPredictor predictor(data, use, without, candidates);
+    const GuidedPredictor predictor(data, use, std::move(guides_here), candidates);
     predictor.predict(trial.theta_i, trial.local_o, trial.log_predicted);
   }
   std::erase_if(trials, [](const Trial& trial) { return trial.local_o.empty(); });
@@ -407,12 +442,25 @@ Result<GuidedMixture> select_guided(const GuidedData& data) {
     return assemble(std::move(kept), candidates, std::nullopt, members);
   }
 
-  const Errors errors = errors_of(trials, candidates.size(), data.channels);
+  Errors errors = errors_of(trials, candidates.size(), data.channels);
+  halve_gap(candidates, errors.mean);
+  for (std::size_t r = 0; r < GuidedRegions::kCount; ++r) {
+    halve_gap(candidates, std::span(errors.region).subspan(r * candidates.size(), candidates.size()));
+  }
   std::vector<std::size_t> ranking(candidates.size());
   std::iota(ranking.begin(), ranking.end(), std::size_t{0});
   std::ranges::stable_sort(ranking, {}, [&](std::size_t q) { return errors.mean[q]; });
-  std::vector<std::size_t> members(
-      ranking.begin(), ranking.begin() + static_cast<std::ptrdiff_t>(std::min(kMembers, ranking.size())));
+  std::vector<std::size_t> members;
+  for (const std::size_t q : ranking) {
+    const bool known = std::ranges::any_of(members, [&](std::size_t m) {
+      return candidates[m].alignment == candidates[q].alignment &&
+             candidates[m].joint == candidates[q].joint &&
+             mean_difference(trials, q, m) < kSameShare * errors.mean[q];
+    });
+    if (!known && members.size() < kMembers) {
+      members.push_back(q);
+    }
+  }
   std::ranges::sort(members);  // Candidates of one guide together: its model is evaluated once.
   const auto specular =
       static_cast<std::size_t>(std::ranges::find_if(candidates,
@@ -424,7 +472,7 @@ Result<GuidedMixture> select_guided(const GuidedData& data) {
                                candidates.begin());
   GuidedMixture mixture = assemble(kept, candidates, errors, members);
   judge(trials, members, data.channels, mixture);
-  if (*mixture.error > errors.solid[specular]) {
+  if (*mixture.error > kClearlyWorse * errors.solid[specular]) {
     // Nothing beats the simple way on this material.
     const std::array<std::size_t, 1> only{specular};
     mixture = assemble(kept, candidates, errors, only);

@@ -13,6 +13,8 @@ namespace {
 constexpr double kGrazing = 1e-3;
 /// A model below this is taken as this [1/sr]: exp(-tan^2) lobes vanish where surfaces do not.
 constexpr double kLeastModel = 1e-12;
+/// Values that no ratio was taken of may be this small [1/sr]: only their logarithm must exist.
+constexpr float kLeastValue = 1e-12F;
 /// How far a cubic may leave the range of its two nearest values, in parts of that range.
 constexpr float kOvershoot = 0.25F;
 
@@ -210,7 +212,7 @@ void GuidedPredictor::predict(double theta_i, std::span<const Direction> local_o
           for (std::size_t t = 0; t < 2; ++t) {
             f += taps.tap[t].linear * blend(data_->f_per_sr[taps.tap[t].knot.incidence], at[t][k], n, c);
           }
-          out[k * n + c] = std::log(std::max(f, static_cast<float>(data_->floor_per_sr[c])));
+          out[k * n + c] = std::log(std::max(f, kLeastValue));
         }
       }
       continue;
