@@ -18,7 +18,6 @@ namespace {
 
 using reflectance::degrees;
 using reflectance::kPi;
-using reflectance::Origin;
 using reflectance::SpecularGridBrdf;
 
 constexpr int kUsualDigits = 4;
