@@ -1,0 +1,315 @@
+// What a search has found so far, for one instruction set. Included by traverse.cpp only.
+// Per-target include guard, as Highway asks for.
+#if defined(SCATTER_SEARCH_FOUND_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef SCATTER_SEARCH_FOUND_INL_H
+#undef SCATTER_SEARCH_FOUND_INL_H
+#else
+#define SCATTER_SEARCH_FOUND_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "host_sdk/reflectance/search/tree.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace scatter::search::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Floats = hn::CappedTag<float, 16>;
+using Keys = hn::CappedTag<double, 8>;
+constexpr Floats kFloats;
+constexpr Keys kKeys;
+using FloatVector = hn::Vec<Floats>;
+using KeyVector = hn::Vec<Keys>;
+constexpr std::size_t kLanes = hn::MaxLanes(kFloats);
+constexpr std::size_t kKeyLanes = hn::MaxLanes(kKeys);
+constexpr std::size_t kSteps = kFanOut / kLanes;
+
+constexpr std::size_t kPrefetched = 704;  // Bytes: the points of a common leaf, the boxes of a node.
+// A batch stops looking back for a while when a query took in so many points all the same.
+constexpr std::size_t kUselessPerNeighbor = 2;
+constexpr std::size_t kPause = 16;
+constexpr int kFewLanes = 3;  // Up to here a loop over the lanes is faster than a vector's minimum.
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+// A neighbour as one number that sorts by (distance, id): the bits of the distance above those of
+// the id, read as a positive double, because minimum and maximum of doubles exist everywhere. The
+// distance is lifted by one step of a double's exponent: no key is subnormal, so that a caller's
+// flush-to-zero mode changes nothing; even an infinite distance makes a finite key.
+constexpr std::uint32_t kLift = 0x00100000;
+constexpr double kNoKey = std::numeric_limits<double>::max();
+
+HWY_INLINE double key_of(std::uint32_t distance_bits, std::uint32_t id) {
+  return std::bit_cast<double>(std::uint64_t{distance_bits + kLift} << 32 | id);
+}
+HWY_INLINE float distance_of(double key) {
+  return std::bit_cast<float>(static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(key) >> 32) - kLift);
+}
+HWY_INLINE Neighbor neighbor_of(double key) {
+  return {distance_of(key), static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(key))};
+}
+
+struct Query {
+  FloatVector x[kAxes];
+};
+
+HWY_INLINE Query spread(const Point& p) {
+  return {
+      {hn::Set(kFloats, p.x_i), hn::Set(kFloats, p.y_i), hn::Set(kFloats, p.x_o), hn::Set(kFloats, p.y_o)}};
+}
+
+HWY_INLINE FloatVector sum_of_squares(FloatVector a, FloatVector b, FloatVector c, FloatVector d) {
+  return hn::Add(hn::Add(hn::Mul(a, a), hn::Mul(b, b)), hn::Add(hn::Mul(c, c), hn::Mul(d, d)));
+}
+
+// To the points of a leaf: exactly distance_squared.
+HWY_INLINE FloatVector to_points(const Query& q, const float* first, std::size_t slots) {
+  return sum_of_squares(hn::Sub(q.x[0], hn::LoadU(kFloats, first)),
+                        hn::Sub(q.x[1], hn::LoadU(kFloats, first + slots)),
+                        hn::Sub(q.x[2], hn::LoadU(kFloats, first + 2 * slots)),
+                        hn::Sub(q.x[3], hn::LoadU(kFloats, first + 3 * slots)));
+}
+
+// To the boxes of a node. Rounding is monotonic and the operations are those of to_points, so that
+// no point in a box is ever nearer than this.
+HWY_INLINE FloatVector to_boxes(const Query& q, const Node& node, std::size_t first) {
+  const auto along = [&](std::size_t a) HWY_ATTR {
+    const FloatVector below = hn::Sub(hn::Load(kFloats, node.lo[a] + first), q.x[a]);
+    const FloatVector above = hn::Sub(q.x[a], hn::Load(kFloats, node.hi[a] + first));
+    return hn::Max(hn::Max(below, above), hn::Zero(kFloats));
+  };
+  return sum_of_squares(along(0), along(1), along(2), along(3));
+}
+
+// Bit k is set where lane k holds.
+template <typename Mask>
+HWY_INLINE std::uint32_t bits_of(Mask mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(kFloats, mask, bytes);
+  std::uint16_t bits = 0;
+  std::memcpy(&bits, bytes, 2);
+  return bits;
+}
+
+HWY_INLINE hn::Mask<Floats> mask_of(std::uint32_t bits) {
+  std::uint8_t bytes[8] = {};
+  std::memcpy(bytes, &bits, 4);
+  return hn::LoadMaskBits(kFloats, bytes);
+}
+
+// The nearest so far, at most kCapacity, in registers while a leaf is scanned.
+template <std::size_t kCapacity>
+class FewNearest {
+ public:
+  explicit FewNearest(std::size_t k) : last_(k - 1) { start(); }
+
+  void start() {
+    for (double& key : keys_) {
+      key = kNoKey;
+    }
+    worst_ = kInfinity;
+  }
+
+  [[nodiscard]] HWY_INLINE float worst() const { return worst_; }
+  void limit(float worst) { worst_ = worst; }
+
+  /// Takes in what `bits` marks among `distances`.
+  HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    const std::uint32_t* ids = leaf.ids();
+    KeyVector key[kVectors];
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      key[v] = hn::Load(kKeys, keys_ + v * kKeyLanes);
+    }
+    const auto turn = hn::SetTableIndices(kKeys, kTurn);
+    const auto first = hn::FirstN(kKeys, 1);
+    do {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
+      bits &= bits - 1;
+      std::uint32_t distance_bits = 0;
+      std::memcpy(&distance_bits, distances + lane, 4);
+      const KeyVector one = hn::Set(kKeys, key_of(distance_bits, ids[lane]));
+      // Insertion into a sorted row without a branch: key'[j] = min(key[j], max(key[j - 1], one)).
+      KeyVector carried = hn::Zero(kKeys);
+      for (std::size_t v = 0; v < kVectors; ++v) {
+        const KeyVector turned = hn::TableLookupLanes(key[v], turn);
+        key[v] = hn::Min(key[v], hn::Max(hn::IfThenElse(first, carried, turned), one));
+        carried = turned;
+      }
+    } while (bits != 0);
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      hn::Store(key[v], kKeys, keys_ + v * kKeyLanes);
+    }
+    set_worst();
+  }
+
+  std::size_t give(std::size_t k, Neighbor* out) const {
+    std::size_t n = 0;
+    for (; n < k && keys_[n] != kNoKey; ++n) {
+      out[n] = neighbor_of(keys_[n]);
+    }
+    return n;
+  }
+
+ private:
+  HWY_INLINE void set_worst() {
+    const double last = keys_[last_];
+    worst_ = last == kNoKey ? worst_ : std::min(distance_of(last), worst_);
+  }
+
+  static constexpr std::size_t kVectors = kCapacity / kKeyLanes;
+  // Lane j takes lane j - 1; lane 0 the last, for the vector that follows.
+  static constexpr std::int64_t kTurn[8] = {kKeyLanes - 1, 0, 1, 2, 3, 4, 5, 6};
+
+  alignas(64) double keys_[kCapacity];
+  float worst_ = kInfinity;
+  std::size_t last_ = 0;
+};
+
+// The same, and where the points lie: how far the next query is from them limits its search from
+// the start.
+template <std::size_t kCapacity>
+class RowNearest : public FewNearest<kCapacity> {
+ public:
+  using FewNearest<kCapacity>::FewNearest;
+
+  void start() {
+    FewNearest<kCapacity>::start();
+    taken_ = 0;
+    count_ = 0;
+    full_ = false;
+  }
+
+  HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    FewNearest<kCapacity>::take(bits, distances, leaf);
+    const std::size_t slots = leaf_slots(leaf.count);
+    taken_ += static_cast<std::size_t>(std::popcount(bits));
+    for (; bits != 0 && count_ < kRoom; bits &= bits - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
+      distance_[count_] = distances[lane];
+      for (std::size_t a = 0; a < kAxes; ++a) {
+        at_[a][count_] = leaf.block[a * slots + lane];
+      }
+      ++count_;
+    }
+    if (count_ == kRoom) {
+      forget();
+      full_ |= count_ == kRoom;
+    }
+  }
+
+  /// Points that were taken in since the start.
+  [[nodiscard]] std::size_t taken() const { return taken_; }
+
+  /// Upper limit of the k-th distance from another place, infinity when not known.
+  HWY_INLINE float limit_at(const Query& q, std::size_t k) {
+    forget();
+    if (count_ < k || full_) {
+      return kInfinity;
+    }
+    FloatVector most = hn::Zero(kFloats);
+    for (std::size_t n = 0; n < count_; n += kLanes) {
+      const FloatVector d = sum_of_squares(
+          hn::Sub(q.x[0], hn::Load(kFloats, at_[0] + n)), hn::Sub(q.x[1], hn::Load(kFloats, at_[1] + n)),
+          hn::Sub(q.x[2], hn::Load(kFloats, at_[2] + n)), hn::Sub(q.x[3], hn::Load(kFloats, at_[3] + n)));
+      most = hn::Max(most, hn::IfThenElseZero(hn::FirstN(kFloats, count_ - n), d));
+    }
+    return hn::GetLane(hn::MaxOfLanes(kFloats, most));
+  }
+
+ private:
+  static constexpr std::size_t kRoom = 128;
+
+  // Drops what has been pushed out by nearer points.
+  HWY_INLINE void forget() {
+    std::size_t kept = 0;
+    for (std::size_t n = 0; n < count_; ++n) {
+      const bool keep = distance_[n] <= this->worst();
+      distance_[kept] = distance_[n];
+      for (std::size_t a = 0; a < kAxes; ++a) {
+        at_[a][kept] = at_[a][n];
+      }
+      kept += keep ? 1 : 0;
+    }
+    count_ = kept;
+  }
+
+  std::size_t taken_ = 0;
+  std::size_t count_ = 0;
+  bool full_ = false;
+  alignas(64) float distance_[kRoom];
+  alignas(64) float at_[kAxes][kRoom];
+};
+
+// Any number of neighbours: a heap with the farthest on top.
+class ManyNearest {
+ public:
+  explicit ManyNearest(std::size_t k, std::vector<double>& room) : k_(k), heap_(room) { heap_.clear(); }
+
+  [[nodiscard]] float worst() const { return worst_; }
+  void limit(float worst) { worst_ = worst; }
+
+  void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    const std::uint32_t* ids = leaf.ids();
+    for (; bits != 0; bits &= bits - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
+      const double key = key_of(std::bit_cast<std::uint32_t>(distances[lane]), ids[lane]);
+      if (heap_.size() < k_) {
+        heap_.push_back(key);
+        std::push_heap(heap_.begin(), heap_.end());
+      } else if (key < heap_.front()) {
+        std::pop_heap(heap_.begin(), heap_.end());
+        heap_.back() = key;
+        std::push_heap(heap_.begin(), heap_.end());
+      }
+    }
+    if (heap_.size() == k_) {
+      worst_ = std::min(distance_of(heap_.front()), worst_);
+    }
+  }
+
+  std::size_t give(std::size_t, Neighbor* out) {
+    std::sort_heap(heap_.begin(), heap_.end());
+    std::transform(heap_.begin(), heap_.end(), out, neighbor_of);
+    return heap_.size();
+  }
+
+ private:
+  std::size_t k_;
+  std::vector<double>& heap_;
+  float worst_ = kInfinity;
+};
+
+// Everything within a radius.
+class Within {
+ public:
+  Within(float worst, std::vector<Neighbor>& out) : worst_(worst), out_(out) {}
+
+  [[nodiscard]] float worst() const { return worst_; }
+
+  void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    const std::uint32_t* ids = leaf.ids();
+    for (; bits != 0; bits &= bits - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
+      out_.push_back({distances[lane], ids[lane]});
+    }
+  }
+
+ private:
+  float worst_;
+  std::vector<Neighbor>& out_;
+};
+
+}  // namespace
+}  // namespace scatter::search::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif  // per-target include guard
