@@ -401,7 +401,7 @@ Result<GuidedMixture> select_guided(const GuidedData& data) {
   // The best-fitting families first; guide 0 is none.
   std::vector<std::size_t> order(rms.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::stable_sort(order, {}, [&](std::size_t k) { return rms[k]; });
+  std::ranges::sort(order, {}, [&](std::size_t k) { return std::pair(rms[k], k); });
   order.resize(std::min(order.size(), kTriedGuides));
   std::vector<Guide> kept{guides[0]};
   std::vector<std::string> families;
@@ -449,7 +449,7 @@ Result<GuidedMixture> select_guided(const GuidedData& data) {
   }
   std::vector<std::size_t> ranking(candidates.size());
   std::iota(ranking.begin(), ranking.end(), std::size_t{0});
-  std::ranges::stable_sort(ranking, {}, [&](std::size_t q) { return errors.mean[q]; });
+  std::ranges::sort(ranking, {}, [&](std::size_t q) { return std::pair(errors.mean[q], q); });
   std::vector<std::size_t> members;
   for (const std::size_t q : ranking) {
     const bool known = std::ranges::any_of(members, [&](std::size_t m) {
