@@ -20,12 +20,21 @@
 #include "host_sdk/reflectance/estimators/incidence_interpolator.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/models/model_spec.h"
-#include "host_sdk/reflectance/specular_grid_brdf.h"
 
 namespace scatter::bench {
 namespace {
 
-using namespace scatter::reflectance;
+using reflectance::Brdf;
+using reflectance::Direction;
+using reflectance::from_spherical;
+using reflectance::GridBrdf;
+using reflectance::GridPart;
+using reflectance::GuidedBrdf;
+using reflectance::IncidenceInterpolator;
+using reflectance::IncidenceMode;
+using reflectance::make_model;
+using reflectance::Origin;
+using reflectance::radians;
 
 struct Accuracy {
   double mean = 0;

@@ -63,12 +63,32 @@ std::shared_ptr<const GuidedBrdf> guided(const std::shared_ptr<const Brdf>& inne
 }
 
 constexpr const char* kGlossy = "ggx:alpha=0.25,f0=0.04,albedo=0.2";
+constexpr const char* kWard = "ward:alpha=0.3,ks=0.2,albedo=0.2";
+
+/// A material at four incidences and its link; made once, since choosing takes a second.
+struct Material {
+  std::shared_ptr<const GridBrdf> grid;
+  std::shared_ptr<const GuidedBrdf> link;
+};
+const Material& glossy() {
+  static const Material kMaterial = [] {
+    const auto grid = grid_of(measured(kGlossy, {0, 20, 40, 60}));
+    return Material{grid, guided(grid)};
+  }();
+  return kMaterial;
+}
+const Material& ward() {
+  static const Material kMaterial = [] {
+    const auto grid = grid_of(measured(kWard, {0, 20, 40, 60}));
+    return Material{grid, guided(grid)};
+  }();
+  return kMaterial;
+}
 
 }  // namespace
 
 TEST_CASE("Guided interpolation gives measured values back to the bit, with their origins") {
-  const auto grid = grid_of(measured(kGlossy, {0, 20, 40, 60}));
-  const auto link = guided(grid);
+  const auto& [grid, link] = glossy();
   std::array<double, 3> expected{};
   std::array<double, 3> found{};
   for (std::size_t part = 0; part < 4; ++part) {
@@ -81,8 +101,7 @@ TEST_CASE("Guided interpolation gives measured values back to the bit, with thei
 }
 
 TEST_CASE("Guided interpolation meets the measured values as the incidence nears theirs") {
-  const auto grid = grid_of(measured("ward:alpha=0.3,ks=0.2,albedo=0.2", {0, 20, 40, 60}));
-  const auto link = guided(grid);
+  const auto& [grid, link] = ward();
   std::array<double, 3> at{};
   std::array<double, 3> near{};
   for (std::size_t node = 0; node < kRows * kColumns; node += 11) {
@@ -95,7 +114,7 @@ TEST_CASE("Guided interpolation meets the measured values as the incidence nears
 }
 
 TEST_CASE("Guided values are interpolated where both neighbours were measured, else extrapolated") {
-  const auto link = guided(grid_of(measured(kGlossy, {0, 20, 40, 60})));
+  const auto& link = glossy().link;
   std::array<double, 3> f{};
   CHECK(link->eval(from_spherical(radians(30), 0), from_spherical(radians(74), kPi), f) ==
         Origin::kInterpolated);
@@ -158,7 +177,7 @@ TEST_CASE("Guided values are never negative, whatever the noise does to the data
 }
 
 TEST_CASE("Guided batches equal single evaluations") {
-  const auto link = guided(grid_of(measured(kGlossy, {0, 30, 60})));
+  const auto& link = glossy().link;
   std::vector<Direction> o;
   for (int k = 0; k < 1500; ++k) {
     o.push_back(from_spherical(1.5 * k / 1500.0, 0.37 * k));
@@ -175,7 +194,7 @@ TEST_CASE("Guided batches equal single evaluations") {
 }
 
 TEST_CASE("An isotropic sample answers alike from all azimuths") {
-  const auto link = guided(grid_of(measured(kGlossy, {0, 20, 40, 60})));
+  const auto& link = glossy().link;
   std::array<double, 3> a{};
   std::array<double, 3> b{};
   (void)link->eval(from_spherical(radians(33), 0), from_spherical(radians(41), 2.5), a);
@@ -184,8 +203,7 @@ TEST_CASE("An isotropic sample answers alike from all azimuths") {
 }
 
 TEST_CASE("Between incidences the uncertainty holds the neighbours' and the cross-validation error") {
-  const auto grid = grid_of(measured("ward:alpha=0.3,ks=0.2,albedo=0.2", {0, 20, 40, 60}));
-  const auto link = guided(grid);
+  const auto& link = ward().link;
   const Direction o = from_spherical(radians(35), radians(150));
   std::array<double, 3> f{};
   std::array<double, 3> random{};
@@ -204,7 +222,7 @@ TEST_CASE("Between incidences the uncertainty holds the neighbours' and the cros
 }
 
 TEST_CASE("The method and its cross-validation error are reported") {
-  const auto link = guided(grid_of(measured("ward:alpha=0.3,ks=0.2,albedo=0.2", {0, 20, 40, 60})));
+  const auto& link = ward().link;
   const GuidedMixture& mixture = *link->mixtures().front();
   double weight = 0;
   bool ward = false;
