@@ -120,6 +120,7 @@ class FewNearest {
   }
 
   [[nodiscard]] HWY_INLINE float worst() const { return worst_; }
+  [[nodiscard]] HWY_INLINE std::size_t wanted() const { return last_ + 1; }
   void limit(float worst) { worst_ = worst; }
 
   /// Takes in what `bits` marks among `distances`.
@@ -255,6 +256,7 @@ class ManyNearest {
   explicit ManyNearest(std::size_t k, std::vector<double>& room) : k_(k), heap_(room) { heap_.clear(); }
 
   [[nodiscard]] float worst() const { return worst_; }
+  [[nodiscard]] std::size_t wanted() const { return k_; }
   void limit(float worst) { worst_ = worst; }
 
   void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
@@ -294,6 +296,7 @@ class Within {
   Within(float worst, std::vector<Neighbor>& out) : worst_(worst), out_(out) {}
 
   [[nodiscard]] float worst() const { return worst_; }
+  [[nodiscard]] static std::size_t wanted() { return kLeafCapacity; }  // All there are.
 
   void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
     const std::uint32_t* ids = leaf.ids();

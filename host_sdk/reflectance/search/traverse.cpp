@@ -27,6 +27,19 @@ struct alignas(64) Step {
   std::uint32_t left;  // One bit per child not visited.
 };
 
+constexpr std::size_t kTooMany = 6;  // More than wanted that are not worth another cut.
+constexpr int kMostCuts = 6;
+
+// Which of the first `count` distances are at most `limit`; anything for those behind them.
+HWY_INLINE std::uint64_t at_most(const float* distances, std::size_t count, float limit) {
+  const FloatVector most = hn::Set(kFloats, limit);
+  std::uint64_t near = 0;
+  for (std::size_t n = 0; n < count; n += kLanes) {
+    near |= std::uint64_t{bits_of(hn::Le(hn::Load(kFloats, distances + n), most))} << n;
+  }
+  return near;
+}
+
 // Distances to the points of a leaf, and which are at most `worst`.
 HWY_INLINE std::uint64_t measure(const Query& q, const Leaf& leaf, float worst, float* distances) {
   const std::size_t slots = leaf_slots(leaf.count);
@@ -53,22 +66,50 @@ HWY_INLINE bool scan(const Query& q, const Leaf& leaf, Nearest& nearest) {
   return near != 0;
 }
 
-// While nothing limits the distance: each group of points is held against what those before it left.
+// While nothing limits the distance: of the points of a leaf the `wanted` nearest and few more. The
+// limit is sought between the least and the greatest distance, where so many lie below it.
 template <typename Nearest>
 HWY_INLINE void scan_first(const Query& q, const Leaf& leaf, Nearest& nearest) {
   alignas(64) float distances[kLeafCapacity];
-  std::uint64_t left = measure(q, leaf, nearest.worst(), distances);
-  for (std::size_t k = 0; k < leaf.count; k += kFanOut) {
-    const FloatVector limit = hn::Set(kFloats, nearest.worst());
-    std::uint64_t near = 0;
-    for (std::size_t s = 0; s < kFanOut; s += kLanes) {
-      near |= std::uint64_t{bits_of(hn::Le(hn::Load(kFloats, distances + k + s), limit))} << (k + s);
-    }
-    near &= left;
+  std::uint64_t near = measure(q, leaf, nearest.worst(), distances);
+  const std::size_t wanted = nearest.wanted();
+  if (leaf.count <= wanted + kTooMany) {
     if (near != 0) {
       nearest.take(near, distances, leaf);
     }
+    return;
   }
+  FloatVector least = hn::Load(kFloats, distances);
+  FloatVector most = hn::Zero(kFloats);
+  for (std::size_t n = 0; n < leaf.count; n += kLanes) {
+    const FloatVector d = hn::Load(kFloats, distances + n);
+    const auto valid = hn::FirstN(kFloats, leaf.count - n);
+    least = hn::Min(least, hn::IfThenElse(valid, d, least));
+    most = hn::Max(most, hn::IfThenElse(valid, d, most));
+  }
+  float low = hn::GetLane(hn::MinOfLanes(kFloats, least));
+  float high = hn::GetLane(hn::MaxOfLanes(kFloats, most));
+  auto below_low = 0.0F;
+  auto below_high = static_cast<float>(leaf.count);
+  const auto goal = static_cast<float>(wanted + kTooMany / 2);
+  const std::uint64_t all = near;
+  for (int n = 0; n < kMostCuts; ++n) {
+    const float limit = low + (high - low) * ((goal - below_low) / (below_high - below_low));
+    const std::uint64_t below = all & at_most(distances, leaf.count, limit);
+    const auto count = static_cast<std::size_t>(std::popcount(below));
+    if (count < wanted) {
+      low = limit;
+      below_low = static_cast<float>(count);
+      continue;
+    }
+    near = below;
+    if (count <= wanted + kTooMany) {
+      break;
+    }
+    high = limit;
+    below_high = static_cast<float>(count);
+  }
+  nearest.take(near, distances, leaf);
 }
 
 // Children that may hold something at most `worst` away.
