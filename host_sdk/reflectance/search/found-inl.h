@@ -131,19 +131,34 @@ class FewNearest {
       key[v] = hn::Load(kKeys, keys_ + v * kKeyLanes);
     }
     const auto turn = hn::SetTableIndices(kKeys, kTurn);
+    const auto turn_twice = hn::SetTableIndices(kKeys, kTurnTwice);
     const auto first = hn::FirstN(kKeys, 1);
-    do {
+    const auto first_two = hn::FirstN(kKeys, 2);
+    const auto next = [&]() HWY_ATTR {
       const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
       bits &= bits - 1;
       std::uint32_t distance_bits = 0;
       std::memcpy(&distance_bits, distances + lane, 4);
-      const KeyVector one = hn::Set(kKeys, key_of(distance_bits, ids[lane]));
-      // Insertion into a sorted row without a branch: key'[j] = min(key[j], max(key[j - 1], one)).
+      return key_of(distance_bits, ids[lane]);
+    };
+    do {
+      // Two at a time: each step waits for the one before, and this halves the steps.
+      const double a = next();
+      const double b = kKeyLanes > 1 && bits != 0 ? next() : kNoKey;
+      const KeyVector low = hn::Set(kKeys, std::min(a, b));
+      const KeyVector high = hn::Set(kKeys, std::max(a, b));
+      // Merging with a sorted row without a branch:
+      // key'[j] = min(key[j], max(key[j - 1], low), max(key[j - 2], high)).
       KeyVector carried = hn::Zero(kKeys);
+      KeyVector carried_twice = hn::Zero(kKeys);
       for (std::size_t v = 0; v < kVectors; ++v) {
         const KeyVector turned = hn::TableLookupLanes(key[v], turn);
-        key[v] = hn::Min(key[v], hn::Max(hn::IfThenElse(first, carried, turned), one));
+        const KeyVector turned_twice = hn::TableLookupLanes(key[v], turn_twice);
+        const KeyVector one = hn::Max(hn::IfThenElse(first, carried, turned), low);
+        const KeyVector two = hn::Max(hn::IfThenElse(first_two, carried_twice, turned_twice), high);
+        key[v] = hn::Min(key[v], hn::Min(one, two));
         carried = turned;
+        carried_twice = turned_twice;
       }
     } while (bits != 0);
     for (std::size_t v = 0; v < kVectors; ++v) {
@@ -169,6 +184,9 @@ class FewNearest {
   static constexpr std::size_t kVectors = kCapacity / kKeyLanes;
   // Lane j takes lane j - 1; lane 0 the last, for the vector that follows.
   static constexpr std::int64_t kTurn[8] = {kKeyLanes - 1, 0, 1, 2, 3, 4, 5, 6};
+  // Lane j - 2 likewise; without use where a vector is a single key.
+  static constexpr std::int64_t kTurnTwice[8] = {
+      (2 * kKeyLanes - 2) % kKeyLanes, kKeyLanes - 1, 0, 1, 2, 3, 4, 5};
 
   alignas(64) double keys_[kCapacity];
   float worst_ = kInfinity;
