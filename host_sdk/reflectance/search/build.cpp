@@ -11,6 +11,7 @@ namespace scatter::search {
 namespace {
 
 constexpr std::size_t kLeafFill = 44;  // Wanted points per leaf: room for splits that are not exact.
+constexpr std::size_t kFlatFill = 30;  // The same for points in fewer dimensions: a ball meets fewer leaves.
 constexpr std::size_t kSureFill = 50;  // Most per leaf on average that a range may ask of its children.
 constexpr std::size_t kFineBins = 256;
 constexpr std::size_t kCoarseBins = 64;
@@ -61,6 +62,15 @@ std::size_t leaves_of_a_child(std::size_t count) noexcept {
     leaves *= kFanOut;
   }
   return leaves;
+}
+
+// Points per leaf to aim at. Goniometers leave y_i at 0.
+std::size_t leaf_fill(const Box& box) noexcept {
+  bool flat = false;
+  for (std::size_t a = 0; a < kAxes; ++a) {
+    flat |= box.lo[a] == box.hi[a];
+  }
+  return flat ? kFlatFill : kLeafFill;
 }
 
 // Points and ids, which each level of the tree moves from one store to the other.
@@ -151,7 +161,8 @@ class Builder {
   Node* node(std::size_t begin, std::size_t end, const Box& box, std::size_t from) {
     const std::size_t count = end - begin;
     const std::size_t below = leaves_of_a_child(count);
-    const std::size_t wanted = (count + below * kLeafFill - 1) / (below * kLeafFill);
+    const std::size_t full = below * leaf_fill(box);
+    const std::size_t wanted = (count + full - 1) / full;
     Node* node = pool_.new_node();
     Dealt dealt;
     dealt.children = std::min(wanted, kFanOut);

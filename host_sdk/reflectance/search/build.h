@@ -8,7 +8,8 @@
 
 namespace scatter::search {
 
-/// Leaves of at most 64 neighbouring points and about 44 on average, all at one depth.
+/// Leaves of at most 64 neighbouring points, all at one depth; about 44 on average, fewer where one
+/// component of all points is the same.
 /// Range  finite points; ids.size() == points.size(), or empty for 0, 1, 2, ...
 [[nodiscard]] Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> ids);
 

@@ -167,11 +167,21 @@ class FewNearest {
     set_worst();
   }
 
-  std::size_t give(std::size_t k, Neighbor* out) const {
-    std::size_t n = 0;
-    for (; n < k && keys_[n] != kNoKey; ++n) {
-      out[n] = neighbor_of(keys_[n]);
+  HWY_INLINE std::size_t give(std::size_t k, Neighbor* out) const {
+    // neighbor_of, a vector at a time; what the caller did not ask for stays here.
+    static_assert(std::endian::native == std::endian::little);
+    constexpr hn::RebindToUnsigned<Keys> kBits;
+    alignas(64) std::uint64_t rows[kCapacity];
+    std::size_t found = 0;
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      const KeyVector key = hn::Load(kKeys, keys_ + v * kKeyLanes);
+      found += hn::CountTrue(kKeys, hn::Lt(key, hn::Set(kKeys, kNoKey)));
+      const auto bits = hn::BitCast(kBits, key);
+      const auto distance = hn::Sub(hn::ShiftRight<32>(bits), hn::Set(kBits, kLift));
+      hn::Store(hn::Or(distance, hn::ShiftLeft<32>(bits)), kBits, rows + v * kKeyLanes);
     }
+    const std::size_t n = std::min(k, found);
+    std::memcpy(static_cast<void*>(out), rows, n * sizeof(Neighbor));
     return n;
   }
 

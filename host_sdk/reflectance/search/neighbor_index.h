@@ -49,7 +49,7 @@ struct Neighbor {
 /// Queries   a query with a NaN or infinite component has no neighbours.
 /// Structure R-tree of 16-ary nodes with tight boxes over leaves of at most 64 points; boxes and
 ///           points are tested 4, 8 or 16 at a time, as the processor allows at run time.
-/// Memory    22 bytes per point when built in bulk, up to 55 after many changes;
+/// Memory    22 to 24 bytes per point when built in bulk, up to 55 after many changes;
 ///           `memory_bytes` counts everything and `rebuild` gives the rest back.
 /// Threads   const functions from any number of threads; changes need exclusive access.
 class NeighborIndex {
