@@ -13,6 +13,7 @@ namespace {
 constexpr std::size_t kLeafFill = 44;  // Wanted points per leaf: room for splits that are not exact.
 constexpr std::size_t kFlatFill = 30;  // The same for points in fewer dimensions: a ball meets fewer leaves.
 constexpr std::size_t kSureFill = 50;  // Most per leaf on average that a range may ask of its children.
+constexpr float kIncidenceWeight = 4;
 constexpr std::size_t kFineBins = 256;
 constexpr std::size_t kCoarseBins = 64;
 constexpr std::size_t kCoarseBelow = 1024;  // Points.
@@ -103,6 +104,11 @@ bool make_plan(const Box& box, std::size_t children, std::size_t bins, Plan& pla
   std::array<float, kAxes> side{};
   for (std::size_t a = 0; a < kAxes; ++a) {
     side[a] = box.hi[a] - box.lo[a];
+  }
+  // A goniometer's few incidences lie on a line; which one a point has tells more than where it lies.
+  if (side[0] == 0 || side[1] == 0) {
+    side[0] *= kIncidenceWeight;
+    side[1] *= kIncidenceWeight;
   }
   for (std::size_t cells = 1; cells < children; cells *= 2) {
     const auto a = static_cast<std::size_t>(std::max_element(side.begin(), side.end()) - side.begin());
