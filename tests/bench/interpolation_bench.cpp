@@ -14,12 +14,12 @@
 #include <utility>
 #include <vector>
 
-#include "bench.h"
 #include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/estimators/guided_brdf.h"
 #include "host_sdk/reflectance/estimators/incidence_interpolator.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/models/model_spec.h"
+#include "tests/bench/bench.h"
 
 namespace scatter::bench {
 namespace {

@@ -3,9 +3,12 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "host_sdk/formats/save_brdf.h"
+#include "host_sdk/reflectance/estimators/estimator.h"
+#include "host_sdk/reflectance/estimators/extent.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/models/model_spec.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
@@ -57,6 +60,31 @@ bool rotated(const reflectance::Brdf& brdf) {
   return false;
 }
 
+/// Whether incidences are asked for that the data do not have.
+bool between_incidences(const std::vector<double>& wanted, const reflectance::Brdf& data) {
+  const std::vector<double> stored = reflectance::extent_of(data).theta_i;
+  return std::ranges::any_of(wanted, [&](double theta_i) {
+    return std::ranges::none_of(
+        stored, [&](double own) { return std::abs(own - theta_i) < reflectance::kSameAngle; });
+  });
+}
+
+/// The best chain where it pays, the default one where the best does not suit the data, which a note says.
+Result<Prepared> prepared_for(const Options& options, const std::shared_ptr<const reflectance::Brdf>& data,
+                              bool plain, bool between) {
+  auto prepared = prepare(data, options.preparation, plain ? "" : between ? "best" : "default");
+  if (prepared || plain || !between || options.preparation.chain ||
+      prepared.error().code != ErrorCode::kFailedPrecondition) {
+    return prepared;
+  }
+  const std::string why = prepared.error().what;
+  prepared = prepare(data, options.preparation, "default");
+  if (prepared) {
+    prepared->notes.push_back("guided interpolation does not suit these data: " + why);
+  }
+  return prepared;
+}
+
 Result<Answer> run(const Options& options) {
   const auto writer = chosen_writer(options.writing, options.output);
   if (!writer) {
@@ -71,7 +99,7 @@ Result<Answer> run(const Options& options) {
     return std::unexpected(data.error());
   }
   const bool plain = keeps_nodes(**data, **writer, options.writing) || rotated(**data);
-  const auto prepared = prepare(*data, options.preparation, plain ? "" : "default");
+  const auto prepared = prepared_for(options, *data, plain, between_incidences(encode->theta_i, **data));
   if (!prepared) {
     return std::unexpected(prepared.error());
   }

@@ -28,7 +28,7 @@ constexpr std::array kHorizonModes{HorizonMode::kNone, HorizonMode::kLinear, Hor
 constexpr const char* kAllLinks =
     "links: neighbors, axis, grid, plain, specular, specular-spline, specular-spline-zero, distorted, "
     "guided, none, "
-    "linear, constant, bezier, clamp, gradient; or default alone";
+    "linear, constant, bezier, clamp, gradient; or default or best alone";
 
 /// As the person wrote it, or as measured; to the digits that make the same link again.
 std::string from_text(const std::optional<double>& from_deg, double end) {
@@ -272,6 +272,9 @@ Result<Chain> make_chain(std::shared_ptr<const Brdf> data, std::string_view text
   if (text == "default") {
     return default_chain(std::move(data));
   }
+  if (text == "best") {
+    return best_chain(std::move(data));
+  }
   Result<std::vector<LinkText>> links = parse_chain_text(text);
   if (!links) {
     return std::unexpected(links.error());
@@ -285,7 +288,10 @@ Result<Chain> make_chain(std::shared_ptr<const Brdf> data, std::string_view text
   return std::move(builder).take();
 }
 
-Result<Chain> default_chain(std::shared_ptr<const Brdf> data) {
+namespace {
+
+/// between: the link between incidences.
+Result<Chain> chain_with(std::shared_ptr<const Brdf> data, std::string_view between) {
   const Extent extent = extent_of(*data);
   std::string text;
   const auto then = [&](std::string_view link) {
@@ -300,13 +306,25 @@ Result<Chain> default_chain(std::shared_ptr<const Brdf> data) {
       then("bezier");
     }
     if (extent.theta_i.size() > 1) {
-      then("specular");
+      then(between);
     }
     if (!extent.theta_i.empty()) {
       then("clamp:over=theta_i");
     }
+  } else if (between == "guided" && extent.theta_i.size() > 1) {
+    then(between);
   }
   return make_chain(std::move(data), text);
+}
+
+}  // namespace
+
+Result<Chain> default_chain(std::shared_ptr<const Brdf> data) {
+  return chain_with(std::move(data), "specular");
+}
+
+Result<Chain> best_chain(std::shared_ptr<const Brdf> data) {
+  return chain_with(std::move(data), "guided");
 }
 
 }  // namespace scatter::reflectance

@@ -29,6 +29,7 @@ struct Chain {
 ///   clamp      over=both|theta_i|theta_o from=ANGLE
 ///   gradient   over=both|theta_i|theta_o from=ANGLE p=0 m=15 l=0.5
 ///   default    what default_chain makes; alone only
+///   best       the same with `guided` between incidences; alone only
 ///           `from` is where the data ends unless given (needed when it reaches the horizon); with
 ///           over=theta_i the incidences say where.
 /// Errors    kInvalidArgument: unknown link or key, key twice, not a number, value out of range; names
@@ -42,5 +43,10 @@ struct Chain {
 /// theta_i outside them. Grids about the mirror direction (which extrapolate themselves) and everything that
 /// knows all directions: the data itself.
 [[nodiscard]] Result<Chain> default_chain(std::shared_ptr<const Brdf> data);
+
+/// The same with `guided` between incidences, also of grids about the mirror direction: the smallest error,
+/// for about a second of preparation. Errors    kFailedPrecondition also where an incidence has no positive
+/// value.
+[[nodiscard]] Result<Chain> best_chain(std::shared_ptr<const Brdf> data);
 
 }  // namespace scatter::reflectance

@@ -20,9 +20,9 @@ class OpenPbr final : public Brdf {
  public:
   struct Parameters {
     std::vector<double> base_color = {};  ///< One per channel, 0..1.
-    double metalness = 0;            ///< 0..1
-    double roughness = 0.3;          ///< 0.04..1
-    double ior = 1.5;                ///< 1..3
+    double metalness = 0;                 ///< 0..1
+    double roughness = 0.3;               ///< 0.04..1
+    double ior = 1.5;                     ///< 1..3
     std::vector<float> wavelengths_nm = {};
   };
   /// Cost      tabulates E: some milliseconds.

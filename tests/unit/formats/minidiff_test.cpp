@@ -193,4 +193,3 @@ TEST_CASE("A MiniDiff file cut at every byte is refused or holds whole blocks") 
     }
   }
 }
-

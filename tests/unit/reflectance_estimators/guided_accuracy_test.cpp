@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "guided_figures.h"
 #include "host_sdk/reflectance/estimators/guided_brdf.h"
 #include "host_sdk/reflectance/estimators/incidence_interpolator.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/models/model_spec.h"
+#include "tests/unit/reflectance_estimators/guided_figures.h"
 
 using namespace scatter::reflectance;
 using scatter::reflectance::test::Figures;

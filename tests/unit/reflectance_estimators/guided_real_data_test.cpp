@@ -10,12 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "guided_figures.h"
 #include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/estimators/guided_brdf.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/sampled_grid.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
+#include "tests/unit/reflectance_estimators/guided_figures.h"
 
 using namespace scatter::reflectance;
 using scatter::reflectance::test::figures_of;

@@ -132,7 +132,7 @@ TEST_CASE("An answer that standard output does not take is a failure") {
 TEST_CASE("A format that cannot be written is answered with those that can") {
   const Scratch folder;
   for (const auto& arguments : std::vector<std::vector<std::string>>{
-           {"convert", "lambertian:0.5", folder / "x.bsdf", "--format", "zemax"},
+           {"convert", "lambertian:0.5", folder / "x.bsdf", "--format", "utia"},
            {"convert", "lambertian:0.5", folder / "x.doc"}}) {
     const auto run = scatter(arguments);
     check_refused(run, 1);
