@@ -134,17 +134,18 @@ class FewNearest {
     const auto turn_twice = hn::SetTableIndices(kKeys, kTurnTwice);
     const auto first = hn::FirstN(kKeys, 1);
     const auto first_two = hn::FirstN(kKeys, 2);
-    const auto next = [&]() HWY_ATTR {
-      const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
-      bits &= bits - 1;
+    const auto lowest = [&](std::uint64_t among) HWY_ATTR {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(among));
       std::uint32_t distance_bits = 0;
       std::memcpy(&distance_bits, distances + lane, 4);
       return key_of(distance_bits, ids[lane]);
     };
     do {
       // Two at a time: each step waits for the one before, and this halves the steps.
-      const double a = next();
-      const double b = kKeyLanes > 1 && bits != 0 ? next() : kNoKey;
+      const double a = lowest(bits);
+      bits &= bits - 1;
+      const double b = kKeyLanes > 1 && bits != 0 ? lowest(bits) : kNoKey;
+      bits &= kKeyLanes > 1 ? bits - 1 : bits;
       const KeyVector low = hn::Set(kKeys, std::min(a, b));
       const KeyVector high = hn::Set(kKeys, std::max(a, b));
       // Merging with a sorted row without a branch:
