@@ -62,7 +62,7 @@ std::string model_spec(const FittedBrdf::Parameters& parameters) {
   }
   const bool lambert = family.base == FitBase::kLambert;
   std::size_t p = lambert ? 0 : 1;
-  const std::string base =
+  std::string base =
       lambert ? fmt::format("lambertian:albedo={}", values(parameters, 0))
               : fmt::format("oren-nayar:albedo={},sigma={:.12g}", values(parameters, 0), parameters.shape[0]);
   if (family.lobes.empty()) {
