@@ -10,6 +10,9 @@
 namespace scatter::reflectance {
 namespace {
 
+/// The tables hold f cos(theta_o), so that f cannot be told from them where the cosine is smaller.
+constexpr double kHorizon = 1e-6;
+
 /// Two angles of the tables closer than this are the same [rad]; they are floats.
 constexpr double kSameAngle = 1e-6;
 /// How far the covered azimuths may miss a whole, half or quarter turn [rad].
@@ -207,7 +210,7 @@ SquarePoint AdaptiveBrdf::square_point(const Incidence& incidence, const Directi
 Origin AdaptiveBrdf::eval_at(const Incidence& incidence, const Direction& omega_o,
                              double* f_per_sr) const noexcept {
   const std::size_t channels = content_.channels;
-  if (!(incidence.omega_i.z > 0 && omega_o.z > 0) || !(incidence.sigma > 0)) {
+  if (!(incidence.omega_i.z > 0 && omega_o.z > kHorizon) || !(incidence.sigma > 0)) {
     std::fill_n(f_per_sr, channels, 0.0);
     return Origin::kInvalid;
   }

@@ -61,7 +61,8 @@ class AdaptiveBrdf final : public Brdf {
   }
   /// kMeasured at an incidence of the tables, kInterpolated between them; kExtrapolated where a
   /// node in use is not valid or theta_i lies outside. Values below 0 (colours outside the
-  /// primaries' gamut) give 0. kInvalid below the horizon.
+  /// primaries' gamut) give 0. kInvalid below the horizon and within 1e-6 rad of it, where the cosine that
+  /// the tables hold leaves nothing of f.
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override;
   void eval_batch(const Direction& omega_i, std::span<const Direction> omega_o, std::span<double> f_per_sr,

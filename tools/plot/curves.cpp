@@ -71,15 +71,26 @@ std::vector<Curve> cut(const Brdf& brdf, std::size_t index, const Incidence& lig
 Axis value_axis(const std::vector<std::vector<Curve>>& panels, Scale scale) {
   double smallest = std::numeric_limits<double>::infinity();
   double largest = -smallest;
+  double smallest_positive = smallest;
+  std::size_t points = 0;
+  std::size_t not_positive = 0;
   for (const auto& panel : panels) {
     for (const Curve& curve : panel) {
       for (const Point& point : curve.points) {
         if (point.origin != Origin::kInvalid) {
           smallest = std::min(smallest, point.value);
           largest = std::max(largest, point.value + point.twice_uncertainty);
+          ++points;
+          not_positive += point.value <= 0;
+          smallest_positive = point.value > 0 ? std::min(smallest_positive, point.value) : smallest_positive;
         }
       }
     }
+  }
+  // Data cut off at 0 (colours outside the primaries' gamut, dark bins) are no reason to hide the decades of
+  // the rest.
+  if (scale == Scale::kAuto && 4 * not_positive < points) {
+    smallest = smallest_positive;
   }
   Axis axis = choose_axis(smallest, largest, scale);
   if (axis.log) {  // room above the peak

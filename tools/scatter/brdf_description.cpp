@@ -99,6 +99,9 @@ void add_incidences(const Brdf& brdf, const Inspection& found, ordered_json& jso
     rows.front().insert(rows.front().begin() + 6, "over the measured part");
   }
   const auto percent = [](double share) { return fmt::format("{:.1f} %", 100 * share); };
+  const bool turned = std::ranges::any_of(found.incidences, [&](const IncidenceInspection& incidence) {
+    return incidence.phi_i != found.incidences.front().phi_i;
+  });
   auto& list = json["albedo"] = ordered_json::array();
   for (std::size_t k = 0; k < found.incidences.size(); ++k) {
     const IncidenceInspection& incidence = found.incidences[k];
@@ -114,12 +117,11 @@ void add_incidences(const Brdf& brdf, const Inspection& found, ordered_json& jso
                           {"coverage", to_json(incidence.coverage)},
                           {"mirror_symmetry", to_json(incidence.mirror_symmetry)}};
     const OriginShares& share = incidence.coverage;
-    std::vector<std::string> row = {plot::angle_text(incidence.theta_i),
-                                    percent(share[1]),
-                                    percent(share[2]),
-                                    percent(share[3]),
-                                    percent(share[0]),
-                                    numbers(whole, 4)};
+    const std::string light = turned ? fmt::format("{}, azimuth {}", plot::angle_text(incidence.theta_i),
+                                                   plot::angle_text(incidence.phi_i))
+                                     : plot::angle_text(incidence.theta_i);
+    std::vector<std::string> row = {
+        light, percent(share[1]), percent(share[2]), percent(share[3]), percent(share[0]), numbers(whole, 4)};
     if (grid != nullptr && k < grid->content().parts.size()) {
       const auto measured = reflectance::grid_albedo(*grid, k, Region::kMeasured);
       entry["albedo_measured_region"] = measured;

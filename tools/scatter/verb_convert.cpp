@@ -99,7 +99,10 @@ Result<Answer> run(const Options& options) {
     return std::unexpected(data.error());
   }
   const bool plain = keeps_nodes(**data, **writer, options.writing) || rotated(**data);
-  const auto prepared = prepared_for(options, *data, plain, between_incidences(encode->theta_i, **data));
+  // MERL's table asks for every incidence.
+  const bool between =
+      (*writer)->format == formats::Format::kMerl || between_incidences(encode->theta_i, **data);
+  const auto prepared = prepared_for(options, *data, plain, between);
   if (!prepared) {
     return std::unexpected(prepared.error());
   }
@@ -124,8 +127,7 @@ Result<Answer> run(const Options& options) {
                  {"notes", prepared->notes},
                  {"bytes", bytes->size()},
                  {"files", {options.output}}};
-  answer.text =
-      fmt::format("{}: {}\n  does not keep: {}\n", options.output, (*writer)->meaning, (*writer)->losses);
+  answer.text = fmt::format("{}: {}\n  losses: {}\n", options.output, (*writer)->meaning, (*writer)->losses);
   for (const std::string& note : prepared->notes) {
     answer.text += fmt::format("  {}\n", note);
   }
