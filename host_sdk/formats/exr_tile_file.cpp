@@ -13,10 +13,10 @@
 #include <cmath>
 #include <exception>
 
-#include "host_sdk/formats/exr_header.h"
-#include "host_sdk/formats/exr_stream.h"
-#include "host_sdk/formats/exr_threads.h"
 #include "host_sdk/formats/exr_tile_layout.h"
+#include "host_sdk/images/exr_header.h"
+#include "host_sdk/images/exr_stream.h"
+#include "host_sdk/images/exr_threads.h"
 
 namespace scatter::formats {
 namespace {
@@ -154,7 +154,7 @@ Status read_planes(Imf::InputFile& file, std::string_view name, std::size_t file
       return bad(name, fmt::format("channel {} is subsampled", it.name()));
     }
   }
-  if (!can_hold(header, planes, file_size)) {
+  if (!images::can_hold(header, planes, file_size)) {
     return fail(ErrorCode::kDataLoss,
                 fmt::format("{}: claims more pixels than its {} bytes hold", name, file_size), kRemedy);
   }
@@ -184,8 +184,8 @@ Status read_planes(Imf::InputFile& file, std::string_view name, std::size_t file
 
 Result<ExrTileFile> decode(std::string_view bytes, std::string_view name) {
   const std::string text(name);
-  ExrMemoryInput stream(bytes, text.c_str());
-  Imf::InputFile file(stream, exr_threads());
+  images::ExrMemoryInput stream(bytes, text.c_str());
+  Imf::InputFile file(stream, images::exr_threads());
   ExrTileFile out;
   if (Status status = read_incidences(file.header(), name, out); !status) {
     return std::unexpected(status.error());
@@ -264,7 +264,7 @@ Result<SpecularGridBrdf> ExrTileFile::brdf(std::size_t inner, std::string_view n
 }
 
 Result<ExrTileFile> decode_exr_tile_file(std::string_view bytes, std::string_view name) {
-  if (Status status = check_exr_header(bytes, name); !status) {
+  if (Status status = images::check_exr_header(bytes, name); !status) {
     return std::unexpected(status.error());
   }
   try {

@@ -14,8 +14,8 @@
 #include <cmath>
 #include <utility>
 
-#include "host_sdk/formats/exr_stream.h"
-#include "host_sdk/formats/exr_threads.h"
+#include "host_sdk/images/exr_stream.h"
+#include "host_sdk/images/exr_threads.h"
 
 namespace scatter::formats {
 namespace {
@@ -138,9 +138,9 @@ std::string TileImage::encode(Imf::Header header) const {
   }
   header.channels().insert("origin", Imf::Channel(Imf::HALF));
   buffer.insert("origin", slice_of(Imf::HALF, origin_, layout_.width));
-  ExrMemoryOutput stream(origin_.size() * sizeof(half));
+  images::ExrMemoryOutput stream(origin_.size() * sizeof(half));
   {
-    Imf::OutputFile file(stream, header, exr_threads());
+    Imf::OutputFile file(stream, header, images::exr_threads());
     file.setFrameBuffer(buffer);
     file.writePixels(static_cast<int>(layout_.height));
   }

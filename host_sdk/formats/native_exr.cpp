@@ -21,9 +21,9 @@
 #include <set>
 #include <vector>
 
-#include "host_sdk/formats/exr_header.h"
-#include "host_sdk/formats/exr_stream.h"
 #include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/images/exr_header.h"
+#include "host_sdk/images/exr_stream.h"
 
 namespace scatter::formats {
 namespace {
@@ -134,7 +134,7 @@ class Decoder {
   Decoder(std::string_view bytes, std::string_view name) : bytes_(bytes), name_(name) {}
 
   Result<GridBrdf> decode() {
-    ExrMemoryInput stream(bytes_, name_.c_str());
+    images::ExrMemoryInput stream(bytes_, name_.c_str());
     Imf::MultiPartInputFile file(stream, 0);
     if (file.parts() < 1 || static_cast<std::size_t>(file.parts()) > kMostParts) {
       return bad(fmt::format("has {} parts", file.parts()));
@@ -254,7 +254,7 @@ class Decoder {
       }
     }
     here.channels = channels;
-    if (!can_hold(header, planes, bytes_.size())) {
+    if (!images::can_hold(header, planes, bytes_.size())) {
       return fail(ErrorCode::kDataLoss,
                   fmt::format("{}: part {} claims {} x {} nodes in {} channels, more than its {} bytes hold",
                               name_, index, here.phi_count, here.theta_count, planes, bytes_.size()),
@@ -348,7 +348,7 @@ Result<std::string> encode_native_exr(const GridBrdf& grid) {
       }
       headers.front().insert(std::string(kMetadataPrefix) + key, Imf::StringAttribute(value));
     }
-    ExrMemoryOutput stream(size);
+    images::ExrMemoryOutput stream(size);
     {
       Imf::MultiPartOutputFile file(stream, headers.data(), static_cast<int>(headers.size()), false, 0);
       for (std::size_t p = 0; p < headers.size(); ++p) {
@@ -362,7 +362,7 @@ Result<std::string> encode_native_exr(const GridBrdf& grid) {
 }
 
 Result<GridBrdf> decode_native_exr(std::string_view bytes, std::string_view name) {
-  if (Status status = check_exr_header(bytes, name); !status) {
+  if (Status status = images::check_exr_header(bytes, name); !status) {
     return std::unexpected(status.error());
   }
   try {

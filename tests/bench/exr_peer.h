@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "host_sdk/formats/exr_stream.h"
+#include "host_sdk/images/exr_stream.h"
 
 namespace scatter::bench {
 
@@ -23,7 +23,7 @@ class ExrImage {
   explicit ExrImage(std::string_view bytes) { read(bytes); }
 
   void read(std::string_view bytes) {
-    formats::ExrMemoryInput stream(bytes, "peer");
+    images::ExrMemoryInput stream(bytes, "peer");
     Imf::InputFile file(stream, Imf::globalThreadCount());
     header_ = file.header();
     const Imath::Box2i window = header_.dataWindow();
@@ -39,7 +39,7 @@ class ExrImage {
   }
 
   [[nodiscard]] std::string write() {
-    formats::ExrMemoryOutput stream(width_ * height_ * sizeof(half));
+    images::ExrMemoryOutput stream(width_ * height_ * sizeof(half));
     {
       Imf::OutputFile file(stream, header_, Imf::globalThreadCount());
       file.setFrameBuffer(buffer());

@@ -1,4 +1,4 @@
-#include "host_sdk/formats/exr_header.h"
+#include "host_sdk/images/exr_header.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-namespace scatter::formats {
+namespace scatter::images {
 namespace {
 
 using namespace std::string_view_literals;
@@ -144,4 +144,4 @@ Status check_exr_header(std::string_view bytes, std::string_view name) {
   return Walker(bytes, name).walk();
 }
 
-}  // namespace scatter::formats
+}  // namespace scatter::images

@@ -1,12 +1,12 @@
 // Sizes in an OpenEXR header held against the file, before OpenEXR allocates what they claim.
-// Internal to formats.
+// For images and formats.
 #pragma once
 
 #include <string_view>
 
 #include "host_sdk/error/error.h"
 
-namespace scatter::formats {
+namespace scatter::images {
 
 /// Walks the attributes of all parts.
 /// Errors  kDataLoss: byte offset, expected, found: an attribute longer than the rest of the
@@ -15,4 +15,4 @@ namespace scatter::formats {
 /// Source  OpenEXR file layout: magic, version, headers (name, type, size, value).
 [[nodiscard]] Status check_exr_header(std::string_view bytes, std::string_view name);
 
-}  // namespace scatter::formats
+}  // namespace scatter::images

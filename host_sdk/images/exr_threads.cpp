@@ -1,4 +1,4 @@
-#include "host_sdk/formats/exr_threads.h"
+#include "host_sdk/images/exr_threads.h"
 
 #include <OpenEXR/ImfThreading.h>
 
@@ -6,7 +6,7 @@
 #include <mutex>
 #include <thread>
 
-namespace scatter::formats {
+namespace scatter::images {
 
 int exr_threads() {
   static std::once_flag once;
@@ -18,4 +18,4 @@ int exr_threads() {
   return Imf::globalThreadCount();
 }
 
-}  // namespace scatter::formats
+}  // namespace scatter::images

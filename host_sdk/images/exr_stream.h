@@ -1,4 +1,4 @@
-// OpenEXR streams in memory. Internal to formats: includes OpenEXR.
+// OpenEXR streams in memory. For images and formats: includes OpenEXR.
 #pragma once
 
 #include <OpenEXR/ImfHeader.h>
@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-namespace scatter::formats {
+namespace scatter::images {
 
 /// Reads bytes that the caller keeps alive. Throws at the end, as OpenEXR expects.
 class ExrMemoryInput final : public Imf::IStream {
@@ -77,4 +77,4 @@ class ExrMemoryOutput final : public Imf::OStream {
   return width * height * static_cast<double>(planes) * least <= static_cast<double>(file_size);
 }
 
-}  // namespace scatter::formats
+}  // namespace scatter::images
