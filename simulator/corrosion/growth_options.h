@@ -4,6 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "simulator/corrosion/corrosivity.h"
 #include "simulator/corrosion/map.h"
@@ -13,7 +16,8 @@ namespace scatter::corrosion {
 /// How rust spreads.
 enum class Mode : std::uint8_t {
   kThesis,    ///< Cell by cell, at random, as the thesis has it (event_growth.h). Depends on the grid.
-  kPhysical,  ///< A front that moves and a surface that deepens behind it (front_growth.h). Converges with the grid.
+  kPhysical,  ///< A front that moves and a surface that deepens behind it (front_growth.h). Converges with
+              ///< the grid.
 };
 
 /// What lies beyond the border of the sheet.
@@ -24,30 +28,33 @@ enum class Border : std::uint8_t {
 
 /// Of Mode::kThesis only.
 struct EventOptions {
-  double bite = 0.05;               ///< Share of the thickness lost per hit where material is 0.5; > 0..1.
-  bool conversion_removes = false;  ///< A cell also loses metal when its last neighbour corrodes (the pseudocode).
+  double bite = 0.05;  ///< Share of the thickness lost per hit where material is 0.5; > 0..1.
+  bool conversion_removes =
+      false;  ///< A cell also loses metal when its last neighbour corrodes (the pseudocode).
 };
 
 /// Of Mode::kPhysical only. Fields are random, isotropic and the same on every grid; sigma is the standard
 /// deviation of the logarithm of what they multiply.
 struct FrontOptions {
-  double depth_per_spread = 0.06;  ///< Depth gained [mm] while the front moves 1 mm, where all maps are neutral.
-  double skin_um = 5;              ///< Depth lost at once where the front arrives.
-  double front_sigma = 0.7;        ///< Of the front's speed.
-  double front_length_mm = 4;      ///< Longest correlation length of the speed; there are shorter ones, to a 32nd.
-  double pit_sigma = 0.5;          ///< Of the rate of deepening.
-  double pit_length_mm = 1;        ///< The same for the rate of deepening.
+  double depth_per_spread =
+      0.06;                  ///< Depth gained [mm] while the front moves 1 mm, where all maps are neutral.
+  double skin_um = 5;        ///< Depth lost at once where the front arrives.
+  double front_sigma = 0.7;  ///< Of the front's speed.
+  double front_length_mm =
+      4;                     ///< Longest correlation length of the speed; there are shorter ones, to a 32nd.
+  double pit_sigma = 0.5;    ///< Of the rate of deepening.
+  double pit_length_mm = 1;  ///< The same for the rate of deepening.
 };
 
 struct GrowthOptions {
   Mode mode = Mode::kPhysical;
   Corrosivity corrosivity = Corrosivity::kMedium;
   Law law = Law::kThesis;
-  double age_years = 25;                ///< The oldest age that will be asked for; clamped to 0..100 with a note.
-  std::uint32_t starting_points = 30;   ///< 1..cells of the grid.
-  std::size_t side = 1024;              ///< Cells along each side, 8..16384.
-  double extent_mm = 50;                ///< Length of each side, 0.1..10000.
-  double thickness_mm = 1;              ///< 0.001..1000.
+  double age_years = 25;  ///< The oldest age that will be asked for; clamped to 0..100 with a note.
+  std::uint32_t starting_points = 30;  ///< 1..cells of the grid.
+  std::size_t side = 1024;             ///< Cells along each side, 8..16384.
+  double extent_mm = 50;               ///< Length of each side, 0.1..10000.
+  double thickness_mm = 1;             ///< 0.001..1000.
   std::uint64_t seed = 1;
   Border border = Border::kToroidal;
 
@@ -69,5 +76,19 @@ struct GrowthOptions {
   EventOptions events{};
   FrontOptions front{};
 };
+
+/// Of the whole sheet, before it corrodes [g/m^2].
+[[nodiscard]] double metal_g_per_m2(const GrowthOptions& options) noexcept;
+/// What the law asks for after `years`, but never more than the sheet holds less the reserve [g/m^2].
+[[nodiscard]] double attainable_loss_g_per_m2(const GrowthOptions& options, double years) noexcept;
+/// max(1 - surface, least_susceptibility) * exposure on the grid; 0 in openings (see openings_of in cells.h).
+[[nodiscard]] std::vector<float> susceptibility_of(const GrowthOptions& options,
+                                                   std::span<const std::uint8_t> opening);
+/// Late seeds per 1000 g/m^2, given or by default.
+[[nodiscard]] double late_points_of(const GrowthOptions& options) noexcept;
+/// Errors    kInvalidArgument names the parameter, what it is and its range. Changes ages out of range and
+/// adds a
+///           note that says so.
+[[nodiscard]] Status settle(GrowthOptions& options, std::vector<std::string>& notes);
 
 }  // namespace scatter::corrosion
