@@ -24,6 +24,18 @@ Image decoded(const std::string& name, Encoding encoding = Encoding::kLinear) {
   return *std::move(image);
 }
 
+/// Of the PNG specification, annex D.
+std::uint32_t crc(std::string_view bytes) {
+  std::uint32_t value = 0xFFFFFFFFU;
+  for (const char byte : bytes) {
+    value ^= static_cast<unsigned char>(byte);
+    for (int bit = 0; bit < 8; ++bit) {
+      value = (value & 1U) != 0 ? 0xEDB88320U ^ (value >> 1U) : value >> 1U;
+    }
+  }
+  return ~value;
+}
+
 }  // namespace
 
 TEST_CASE(
