@@ -33,7 +33,8 @@ inline constexpr double kSteelGramsPerSquareMetrePerUm = 7.8;
 [[nodiscard]] std::string_view name(Corrosivity corrosivity) noexcept;
 /// "thesis", "iso9224".
 [[nodiscard]] std::string_view name(Law law) noexcept;
-/// By name; '_' or '-' may stand for the space, upper case for lower. Errors: kInvalidArgument lists the names.
+/// By name; '_' or '-' may stand for the space, upper case for lower. Errors: kInvalidArgument lists the
+/// names.
 [[nodiscard]] Result<Corrosivity> corrosivity_named(std::string_view name);
 [[nodiscard]] Result<Law> law_named(std::string_view name);
 

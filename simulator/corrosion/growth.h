@@ -34,7 +34,8 @@ class Growth {
                                                                  const std::stop_token& stop = {});
   /// One run per entry, on all cores: the same results as one after the other. Progress counts finished runs.
   [[nodiscard]] static std::vector<Result<std::shared_ptr<const Growth>>> run_all(
-      std::span<const GrowthOptions> options, const Progress& progress = {}, const std::stop_token& stop = {});
+      std::span<const GrowthOptions> options, const Progress& progress = {},
+      const std::stop_token& stop = {});
 
   virtual ~Growth() = default;
   Growth(const Growth&) = delete;
