@@ -12,8 +12,9 @@ namespace {
 
 constexpr std::size_t kLeafFill = 44;  // Wanted points per leaf: room for splits that are not exact.
 constexpr std::size_t kFlatFill = 30;  // The same for points in fewer dimensions: a ball meets fewer leaves.
+constexpr std::size_t kMixedBytes = 22;  // Per point, nodes included.
+constexpr std::size_t kSharedBytes = 14;
 constexpr std::size_t kSureFill = 50;  // Most per leaf on average that a range may ask of its children.
-constexpr float kIncidenceWeight = 4;
 constexpr std::size_t kFineBins = 256;
 constexpr std::size_t kCoarseBins = 64;
 constexpr std::size_t kCoarseBelow = 1024;  // Points.
@@ -97,23 +98,49 @@ struct Plan {
   std::size_t count = 0;
 };
 
+// Deals children out to groups of so many points each, at least one to each group.
+void deal_children(std::size_t children, std::size_t groups, std::span<const std::size_t> size,
+                   std::span<std::size_t> share) noexcept {
+  std::fill_n(share.begin(), groups, std::size_t{1});
+  for (std::size_t given = groups; given < children; ++given) {
+    std::size_t fullest = 0;
+    for (std::size_t g = 1; g < groups; ++g) {
+      fullest = size[g] * share[fullest] > size[fullest] * share[g] ? g : fullest;
+    }
+    ++share[fullest];
+  }
+}
+
+// Where incidences lie on a line, as with any goniometer, the axis that tells them apart; else kAxes.
+std::size_t incidence_axis(const Box& box) noexcept {
+  const bool x_same = box.lo[0] == box.hi[0];
+  const bool y_same = box.lo[1] == box.hi[1];
+  return x_same == y_same ? kAxes : x_same ? 1 : 0;
+}
+
+// A last value of `bins` less one step: the largest component falls into the last bin.
+float bin_scale(const Box& box, std::size_t axis, std::size_t bins) noexcept {
+  return (static_cast<float>(bins) - 0.01F) / (box.hi[axis] - box.lo[axis]);
+}
+
 // Cuts the longest side in halves until there are enough cells; false when a side has no length
-// that a float can be divided by.
-bool make_plan(const Box& box, std::size_t children, std::size_t bins, Plan& plan) noexcept {
+// that a float can be divided by. Where there are few incidences (else 0), those are told apart
+// first: a range that shares omega_i is searched in two components.
+bool make_plan(const Box& box, std::size_t children, std::size_t bins, std::size_t incidences,
+               Plan& plan) noexcept {
   std::array<std::size_t, kAxes> parts{1, 1, 1, 1};
   std::array<float, kAxes> side{};
-  for (std::size_t a = 0; a < kAxes; ++a) {
+  for (std::size_t a = incidences > 0 ? 2 : 0; a < kAxes; ++a) {
     side[a] = box.hi[a] - box.lo[a];
   }
-  // A goniometer's few incidences lie on a line; which one a point has tells more than where it lies.
-  if (side[0] == 0 || side[1] == 0) {
-    side[0] *= kIncidenceWeight;
-    side[1] *= kIncidenceWeight;
-  }
-  for (std::size_t cells = 1; cells < children; cells *= 2) {
+  for (std::size_t cells = std::max<std::size_t>(incidences, 1); cells < children; cells *= 2) {
     const auto a = static_cast<std::size_t>(std::max_element(side.begin(), side.end()) - side.begin());
     side[a] *= 0.5F;
     parts[a] *= 2;
+  }
+  if (incidences > 0) {
+    const std::size_t a = incidence_axis(box);
+    plan.axes[plan.count++] = {a, children, box.lo[a], bin_scale(box, a, bins)};
   }
   std::array<std::size_t, kAxes> order{0, 1, 2, 3};
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return parts[a] > parts[b]; });
@@ -121,8 +148,7 @@ bool make_plan(const Box& box, std::size_t children, std::size_t bins, Plan& pla
     if (parts[a] == 1) {
       continue;
     }
-    // A last value of `bins` less one step: the largest component falls into the last bin.
-    const float scale = (static_cast<float>(bins) - 0.01F) / (box.hi[a] - box.lo[a]);
+    const float scale = bin_scale(box, a, bins);
     if (!(scale > 0) || !std::isfinite(scale)) {
       return false;
     }
@@ -175,20 +201,18 @@ class Builder {
     dealt.begin = begin;
     dealt.end = end;
     dealt.at[0] = begin;
-    node->children = static_cast<std::uint32_t>(dealt.children);
+    node->children = static_cast<std::uint16_t>(dealt.children);
     if (!group_points(dealt, box, from, below)) {
       group_exactly(dealt, box, from);
     }
     if (below == 1) {
-      hang_leaves(*node, dealt, from);
+      hang_leaves(*node, dealt, shares_incidence(box), from);
       return node;
     }
     move_points(dealt, from);
     for (std::size_t c = 0; c < dealt.children; ++c) {
       const Box of_child = dealt.bounds[c].box();
-      node->set_box(c, of_child);
-      node->points[c] = 0;
-      node->child[c] = this->node(dealt.at[c], dealt.at[c + 1], of_child, 1 - from);
+      node->hang(c, this->node(dealt.at[c], dealt.at[c + 1], of_child, 1 - from), of_child);
     }
     return node;
   }
@@ -199,8 +223,9 @@ class Builder {
     const std::size_t begin = dealt.begin;
     const std::size_t end = dealt.end;
     const std::size_t bins = end - begin < kCoarseBelow ? kCoarseBins : kFineBins;
+    const std::size_t incidences = count_incidences(dealt, box, bins, from);
     Plan plan;
-    if (!make_plan(box, dealt.children, bins, plan)) {
+    if (!make_plan(box, dealt.children, bins, incidences, plan)) {
       return false;
     }
     const Four* points = stores_[from].points.get();
@@ -237,6 +262,16 @@ class Builder {
       std::array<std::size_t, kFanOut> next_children{};
       std::array<std::size_t, kFanOut> next_size{};
       std::size_t next = 0;
+      if (level == 0 && incidences > 0 && incidences <= dealt.children) {
+        for (std::size_t bin = 0; bin < bins; ++bin) {
+          part_[bin] = static_cast<std::uint8_t>(next);
+          if (histogram_[bin] != 0) {
+            next_size[next++] = histogram_[bin];
+          }
+        }
+        deal_children(dealt.children, incidences, next_size, next_children);
+        groups = 0;  // None is left to cut.
+      }
       for (std::size_t g = 0; g < groups; ++g) {
         const std::size_t parts = std::min(axis.parts, children[g]);
         std::size_t bin = 0;
@@ -281,6 +316,27 @@ class Builder {
     return groups == dealt.children;
   }
 
+  // Bins with points along the axis of incidences; 0 when there is no such axis or when leaves would
+  // not become full of one incidence.
+  std::size_t count_incidences(const Dealt& dealt, const Box& box, std::size_t bins, std::size_t from) {
+    const std::size_t axis = incidence_axis(box);
+    if (axis == kAxes) {
+      return 0;
+    }
+    const float scale = bin_scale(box, axis, bins);
+    if (!std::isfinite(scale)) {
+      return 0;
+    }
+    const Four* points = stores_[from].points.get();
+    std::array<std::uint8_t, kFineBins> occupied{};
+    for (std::size_t k = dealt.begin; k < dealt.end; ++k) {
+      occupied[static_cast<std::size_t>(static_cast<int>((points[k][axis] - box.lo[axis]) * scale))] = 1;
+    }
+    const auto count = static_cast<std::size_t>(std::count(occupied.begin(), occupied.end(), 1));
+    const bool few = count <= bins / 2 && count * kLeafCapacity <= dealt.end - dealt.begin;
+    return few ? count : 0;
+  }
+
   // The same by sorting: along the longest side, in equal shares; equal components are told apart by
   // where they stand, so that this always succeeds.
   void group_exactly(Dealt& dealt, const Box& box, std::size_t from) {
@@ -323,27 +379,49 @@ class Builder {
     }
   }
 
-  void hang_leaves(Node& node, Dealt& dealt, std::size_t from) {
+  // One bit per child whose points share omega_i.
+  std::uint32_t sharing_children(const Dealt& dealt, std::size_t from) const {
     const Store& source = stores_[from];
+    std::array<Four, kFanOut> first{};
+    std::uint32_t seen = 0;
+    std::uint32_t mixed = 0;
+    const std::uint32_t all = (1U << dealt.children) - 1;
+    for (std::size_t k = dealt.begin; k < dealt.end && mixed != all; ++k) {
+      const std::size_t c = group_[k];
+      const Four x = source.points[k];
+      if ((seen >> c & 1U) == 0) {
+        seen |= 1U << c;
+        first[c] = x;
+      }
+      mixed |= (x[0] != first[c][0] || x[1] != first[c][1] ? 1U : 0U) << c;
+    }
+    return all & ~mixed;
+  }
+
+  void hang_leaves(Node& node, Dealt& dealt, bool shared, std::size_t from) {
+    const Store& source = stores_[from];
+    const std::uint32_t sharing = shared ? 0xFFFFU : sharing_children(dealt, from);
     std::array<float*, kFanOut> to{};
     std::array<std::size_t, kFanOut> slots{};
     for (std::size_t c = 0; c < dealt.children; ++c) {
       const std::size_t count = dealt.at[c + 1] - dealt.at[c];
-      to[c] = pool_.new_leaf(count);
+      const bool leaf_shared = (sharing >> c & 1U) != 0;
+      node.hang(c, Leaf{pool_.new_leaf(count, leaf_shared), count, leaf_shared});
+      to[c] = node.leaf(c).x_o();
       slots[c] = leaf_slots(count);
-      node.child[c] = to[c];
-      node.points[c] = static_cast<std::uint8_t>(count);
     }
     for (std::size_t k = dealt.begin; k < dealt.end; ++k) {
       const std::size_t c = group_[k];
       const Four x = source.points[k];
       float* at = to[c]++;
       const std::size_t step = slots[c];
-      at[0] = x[0];
-      at[step] = x[1];
-      at[2 * step] = x[2];
-      at[3 * step] = x[3];
-      std::memcpy(at + 4 * step, &source.ids[k], sizeof(std::uint32_t));
+      if ((sharing >> c & 1U) == 0) {
+        *(at - 2 * step) = x[0];
+        *(at - step) = x[1];
+      }
+      at[0] = x[2];
+      at[step] = x[3];
+      std::memcpy(at + 2 * step, &source.ids[k], sizeof(std::uint32_t));
       dealt.bounds[c].take(x);
     }
     for (std::size_t c = 0; c < dealt.children; ++c) {
@@ -368,8 +446,13 @@ Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> id
   if (points.empty()) {
     return tree;
   }
-  // Leaves rounded up to four points, and their share of the nodes above.
-  tree.pool.reserve(points.size() * 22);
+  // Leaves rounded up to four points, and their share of the nodes above. Of points that come one
+  // incidence after the other most leaves will share it.
+  std::size_t turns = 0;
+  for (std::size_t k = 1; k < points.size(); ++k) {
+    turns += points[k].x_i != points[k - 1].x_i || points[k].y_i != points[k - 1].y_i ? 1U : 0U;
+  }
+  tree.pool.reserve(points.size() * (turns < points.size() / kFlatFill ? kSharedBytes : kMixedBytes));
   Builder builder(points, ids, tree.pool);
   tree.root = builder.root();
   tree.size = points.size();
@@ -409,10 +492,19 @@ void rebuild(Tree& tree) {
 
 Box box_of(const Leaf& leaf) noexcept {
   Box box;
-  for (std::size_t a = 0; a < kAxes; ++a) {
-    const auto [lo, hi] = std::minmax_element(leaf.axis(a), leaf.axis(a) + leaf.count);
+  const auto bound = [&](std::size_t a, const float* x) {
+    const auto [lo, hi] = std::minmax_element(x, x + leaf.count);
     box.lo[a] = *lo;
     box.hi[a] = *hi;
+  };
+  bound(2, leaf.x_o());
+  bound(3, leaf.y_o());
+  if (leaf.shared) {
+    box.lo[0] = box.hi[0] = leaf.x_i;
+    box.lo[1] = box.hi[1] = leaf.y_i;
+  } else {
+    bound(0, leaf.block);
+    bound(1, leaf.block + leaf_slots(leaf.count));
   }
   return box;
 }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <bit>
+#include <numeric>
+#include <span>
 
 #include "host_sdk/reflectance/search/build.h"
 #include "host_sdk/reflectance/search/traverse.h"
@@ -15,6 +17,11 @@ constexpr std::size_t kMergedLeaf = 48;  // for results up to here, so that the 
 constexpr std::size_t kNodeLow = 5;
 constexpr std::size_t kMergedNode = 13;
 
+bool has_incidence(const Node& node, std::size_t c, const Point& p) noexcept {
+  return node.lo[0][c] == p.x_i && node.lo[1][c] == p.y_i;
+}
+
+// The box only: a leaf that shares omega_i must no longer do so when the point has another one.
 void widen(Node& node, std::size_t c, const Point& p) noexcept {
   const std::array<float, kAxes> x{p.x_i, p.y_i, p.x_o, p.y_o};
   for (std::size_t a = 0; a < kAxes; ++a) {
@@ -54,6 +61,7 @@ void copy_lane(const Node& from, std::size_t c, Node& to, std::size_t at) noexce
   to.set_box(at, from.box(c));
   to.child[at] = from.child[c];
   to.points[at] = from.points[c];
+  to.set_shared(at, from.is_shared(c));
 }
 
 // The last child takes the place of child c.
@@ -81,35 +89,43 @@ struct Entries {
   }
 };
 
-// Hangs entries [begin, end) as a new leaf into lane c.
-void hang_leaf(Pool& pool, Node& node, std::size_t c, const Entries& entries, const std::uint8_t* begin,
-               const std::uint8_t* end) {
-  const auto count = static_cast<std::size_t>(end - begin);
-  node.child[c] = pool.new_leaf(count);
-  node.points[c] = static_cast<std::uint8_t>(count);
-  const Leaf leaf = node.leaf(c);
-  for (std::size_t k = 0; k < count; ++k) {
-    leaf.put(k, entries.point[begin[k]], entries.id[begin[k]]);
+// Hangs entries order[0], order[1], ... as a new leaf into lane c.
+void hang_leaf(Pool& pool, Node& node, std::size_t c, const Entries& entries,
+               std::span<const std::uint8_t> order) {
+  const Point& first = entries.point[order.front()];
+  const bool shared = std::all_of(order.begin(), order.end(), [&](std::uint8_t k) {
+    return entries.point[k].x_i == first.x_i && entries.point[k].y_i == first.y_i;
+  });
+  const Leaf leaf{pool.new_leaf(order.size(), shared), order.size(), shared, first.x_i, first.y_i};
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    leaf.put(k, entries.point[order[k]], entries.id[order[k]]);
   }
+  node.hang(c, leaf);
   node.set_box(c, box_of(leaf));
 }
 
 // Moves a leaf into a block for `count` points and returns it; points past the smaller count are lost.
-Leaf resized(Pool& pool, Node& node, std::size_t c, std::size_t count) {
+Leaf resized(Pool& pool, Node& node, std::size_t c, std::size_t count, bool shared) {
   const Leaf old = node.leaf(c);
-  if (leaf_slots(count) == leaf_slots(old.count)) {
-    node.points[c] = static_cast<std::uint8_t>(count);
-    return node.leaf(c);
+  Leaf made{old.block, count, shared, old.x_i, old.y_i};
+  if (leaf_slots(count) == leaf_slots(old.count) && shared == old.shared) {
+    node.hang(c, made);
+    return made;
   }
-  const Leaf made{pool.new_leaf(count), count};
+  made.block = pool.new_leaf(count, shared);
   const std::size_t kept = std::min(count, old.count);
-  for (std::size_t a = 0; a < kAxes; ++a) {
-    std::copy_n(old.axis(a), kept, made.axis(a));
+  if (shared == old.shared) {
+    for (std::size_t a = 0; a < (shared ? 2 : kAxes); ++a) {
+      std::copy_n(old.block + a * leaf_slots(old.count), kept, made.block + a * leaf_slots(count));
+    }
+    std::copy_n(old.ids(), kept, made.ids());
+  } else {
+    for (std::size_t k = 0; k < kept; ++k) {
+      made.put(k, old.point(k), old.ids()[k]);
+    }
   }
-  std::copy_n(old.ids(), kept, made.ids());
-  pool.free_leaf(old.block, old.count);
-  node.child[c] = made.block;
-  node.points[c] = static_cast<std::uint8_t>(count);
+  pool.free_leaf(old);
+  node.hang(c, made);
   return made;
 }
 
@@ -155,14 +171,10 @@ void hang_upwards(Tree& tree, Way& way, Node& extra) {
       return;
     }
     Node* other = split_node(tree.pool, node, extra);
-    extra.child[0] = other;
-    extra.points[0] = 0;
-    extra.set_box(0, box_of(*other));
+    extra.hang(0, other, box_of(*other));
     if (way.depth == 0) {
       Node* root = tree.pool.new_node();
-      root->child[0] = &node;
-      root->points[0] = 0;
-      root->set_box(0, box_of(node));
+      root->hang(0, &node, box_of(node));
       copy_lane(extra, 0, *root, 1);
       root->children = 2;
       tree.root = root;
@@ -172,7 +184,7 @@ void hang_upwards(Tree& tree, Way& way, Node& extra) {
       return;
     }
     --way.depth;
-    way.node[way.depth]->set_box(way.lane[way.depth], box_of(node));
+    way.node[way.depth]->hang(way.lane[way.depth], &node, box_of(node));
   }
 }
 
@@ -182,7 +194,8 @@ void split_leaf(Tree& tree, Way& way, const Point& point, std::uint32_t id) {
   Entries entries;
   entries.put(node.leaf(c));
   entries.put(point, id);
-  tree.pool.free_leaf(node.leaf(c).block, kLeafCapacity);
+  tree.pool.free_leaf(node.leaf(c));
+  widen(node, c, point);
   const std::size_t axis = widest_axis(node.box(c));
   std::array<std::uint8_t, kLeafCapacity + 1> order{};
   std::array<float, kLeafCapacity + 1> along{};
@@ -195,9 +208,9 @@ void split_leaf(Tree& tree, Way& way, const Point& point, std::uint32_t id) {
   std::nth_element(order.begin(), half, order.end(), [&](std::uint8_t a, std::uint8_t b) {
     return along[a] != along[b] ? along[a] < along[b] : a < b;
   });
-  hang_leaf(tree.pool, node, c, entries, order.data(), &*half);
-  Node extra;
-  hang_leaf(tree.pool, extra, 0, entries, &*half, order.data() + order.size());
+  hang_leaf(tree.pool, node, c, entries, {order.begin(), half});
+  Node extra{};
+  hang_leaf(tree.pool, extra, 0, entries, {half, order.end()});
   hang_upwards(tree, way, extra);
 }
 
@@ -219,15 +232,13 @@ void merge_leaf(Pool& pool, Node& node, std::size_t c) {
     return;
   }
   Entries entries;
-  entries.put(node.leaf(best));
-  const std::size_t kept = entries.count;
-  entries.put(node.leaf(c));
-  const Leaf joined = resized(pool, node, best, entries.count);
-  for (std::size_t k = kept; k < entries.count; ++k) {
-    joined.put(k, entries.point[k], entries.id[k]);
+  std::array<std::uint8_t, kMergedLeaf> order{};
+  std::iota(order.begin(), order.end(), std::uint8_t{0});
+  for (const std::size_t lane : {best, c}) {
+    entries.put(node.leaf(lane));
+    pool.free_leaf(node.leaf(lane));
   }
-  node.set_box(best, around(box, node.box(best)));
-  pool.free_leaf(node.leaf(c).block, node.points[c]);
+  hang_leaf(pool, node, best, entries, std::span(order).first(entries.count));
   drop_lane(node, c);
 }
 
@@ -252,14 +263,15 @@ void merge_node(Pool& pool, Node& node, std::size_t c) {
   for (std::size_t k = 0; k < child->children; ++k) {
     copy_lane(*child, k, *other, other->children++);
   }
-  node.set_box(best, around(box, node.box(best)));
+  node.hang(best, other, around(box, node.box(best)));
   pool.free_node(child);
   drop_lane(node, c);
 }
 
+// Whether the box may be smaller without this point. Where all share omega_i, that stays.
 bool on_border(const Node& node, std::size_t c, const Point& p) noexcept {
   const std::array<float, kAxes> x{p.x_i, p.y_i, p.x_o, p.y_o};
-  for (std::size_t a = 0; a < kAxes; ++a) {
+  for (std::size_t a = node.is_shared(c) ? 2 : 0; a < kAxes; ++a) {
     if (x[a] == node.lo[a][c] || x[a] == node.hi[a][c]) {
       return true;
     }
@@ -283,14 +295,18 @@ bool erase_in_leaf(Pool& pool, Node& node, std::size_t c, const Point& p, std::u
       continue;
     }
     if (leaf.count == 1) {
-      pool.free_leaf(leaf.block, 1);
+      pool.free_leaf(leaf);
       drop_lane(node, c);
       return true;
     }
     leaf.put(k, leaf.point(leaf.count - 1), leaf.ids()[leaf.count - 1]);
-    const Leaf smaller = resized(pool, node, c, leaf.count - 1);
+    const Leaf smaller = resized(pool, node, c, leaf.count - 1, leaf.shared);
     if (on_border(node, c, p)) {
-      node.set_box(c, box_of(smaller));
+      const Box box = box_of(smaller);
+      node.set_box(c, box);
+      if (!leaf.shared && shares_incidence(box)) {
+        (void)resized(pool, node, c, smaller.count, true);
+      }
     }
     if (smaller.count < kLeafLow) {
       merge_leaf(pool, node, c);
@@ -322,7 +338,7 @@ bool erase_below(Pool& pool, Node& node, const Point& p, std::uint32_t id) {
       pool.free_node(child);
     } else {
       if (on_border(node, c, p)) {
-        node.set_box(c, box_of(*child));
+        node.hang(c, child, box_of(*child));
       }
       if (child->children < kNodeLow) {
         merge_node(pool, node, c);
@@ -366,10 +382,9 @@ void insert(Tree& tree, const Point& point, std::uint32_t id) {
   if (tree.root == nullptr) {
     Node* root = tree.pool.new_node();
     root->children = 1;
-    root->child[0] = tree.pool.new_leaf(1);
-    root->points[0] = 1;
-    root->leaf(0).put(0, point, id);
-    root->set_box(0, box_of(root->leaf(0)));
+    Entries entries;
+    entries.put(point, id);
+    hang_leaf(tree.pool, *root, 0, entries, std::array<std::uint8_t, 1>{0});
     tree.root = root;
     tree.size = 1;
     tree.levels = 1;
@@ -380,18 +395,21 @@ void insert(Tree& tree, const Point& point, std::uint32_t id) {
   Node* node = tree.root;
   for (way.depth = 0;; ++way.depth) {
     const std::size_t c = nearest_child(*node, point);
-    widen(*node, c, point);
     way.node[way.depth] = node;
     way.lane[way.depth] = c;
     if (node->is_leaf(c)) {
       break;
     }
+    node->set_shared(c, node->is_shared(c) && has_incidence(*node, c, point));
+    widen(*node, c, point);
     node = node->node(c);
   }
   const std::size_t c = way.lane[way.depth];
   const std::size_t count = node->points[c];
   if (count < kLeafCapacity) {
-    resized(tree.pool, *node, c, count + 1).put(count, point, id);
+    const bool shared = node->is_shared(c) && has_incidence(*node, c, point);
+    resized(tree.pool, *node, c, count + 1, shared).put(count, point, id);
+    widen(*node, c, point);
   } else {
     split_leaf(tree, way, point, id);
   }

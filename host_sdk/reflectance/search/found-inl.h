@@ -34,7 +34,6 @@ constexpr std::size_t kLanes = hn::MaxLanes(kFloats);
 constexpr std::size_t kKeyLanes = hn::MaxLanes(kKeys);
 constexpr std::size_t kSteps = kFanOut / kLanes;
 
-constexpr std::size_t kPrefetched = 704;  // Bytes: the points of a common leaf, the boxes of a node.
 // A batch stops looking back for a while when a query took in so many points all the same.
 constexpr std::size_t kUselessPerNeighbor = 2;
 constexpr std::size_t kPause = 16;
@@ -71,7 +70,7 @@ HWY_INLINE FloatVector sum_of_squares(FloatVector a, FloatVector b, FloatVector 
   return hn::Add(hn::Add(hn::Mul(a, a), hn::Mul(b, b)), hn::Add(hn::Mul(c, c), hn::Mul(d, d)));
 }
 
-// To the points of a leaf: exactly distance_squared.
+// To the points of a mixed leaf: exactly distance_squared.
 HWY_INLINE FloatVector to_points(const Query& q, const float* first, std::size_t slots) {
   return sum_of_squares(hn::Sub(q.x[0], hn::LoadU(kFloats, first)),
                         hn::Sub(q.x[1], hn::LoadU(kFloats, first + slots)),
@@ -79,15 +78,29 @@ HWY_INLINE FloatVector to_points(const Query& q, const float* first, std::size_t
                         hn::Sub(q.x[3], hn::LoadU(kFloats, first + 3 * slots)));
 }
 
-// To the boxes of a node. Rounding is monotonic and the operations are those of to_points, so that
-// no point in a box is ever nearer than this.
-HWY_INLINE FloatVector to_boxes(const Query& q, const Node& node, std::size_t first) {
-  const auto along = [&](std::size_t a) HWY_ATTR {
-    const FloatVector below = hn::Sub(hn::Load(kFloats, node.lo[a] + first), q.x[a]);
-    const FloatVector above = hn::Sub(q.x[a], hn::Load(kFloats, node.hi[a] + first));
-    return hn::Max(hn::Max(below, above), hn::Zero(kFloats));
-  };
-  return sum_of_squares(along(0), along(1), along(2), along(3));
+// The same where the points share omega_i; `incident` is the sum of the first two squares.
+HWY_INLINE FloatVector to_shared_points(const Query& q, FloatVector incident, const float* first,
+                                        std::size_t slots) {
+  const FloatVector x = hn::Sub(q.x[2], hn::LoadU(kFloats, first));
+  const FloatVector y = hn::Sub(q.x[3], hn::LoadU(kFloats, first + slots));
+  return hn::Add(incident, hn::Add(hn::Mul(x, x), hn::Mul(y, y)));
+}
+
+HWY_INLINE FloatVector to_side(const Query& q, const Node& node, std::size_t a, std::size_t first) {
+  const FloatVector below = hn::Sub(hn::Load(kFloats, node.lo[a] + first), q.x[a]);
+  const FloatVector above = hn::Sub(q.x[a], hn::Load(kFloats, node.hi[a] + first));
+  const FloatVector d = hn::Max(hn::Max(below, above), hn::Zero(kFloats));
+  return hn::Mul(d, d);
+}
+
+// To the boxes of a node: the part of omega_i, the part of omega_o. Rounding is monotonic and the
+// operations are those of to_points, so that no point in a box is ever nearer than their sum; where
+// all points in a box share omega_i, its part is exactly theirs.
+HWY_INLINE FloatVector to_incident_sides(const Query& q, const Node& node, std::size_t first) {
+  return hn::Add(to_side(q, node, 0, first), to_side(q, node, 1, first));
+}
+HWY_INLINE FloatVector to_outgoing_sides(const Query& q, const Node& node, std::size_t first) {
+  return hn::Add(to_side(q, node, 2, first), to_side(q, node, 3, first));
 }
 
 // Bit k is set where lane k holds.
@@ -220,14 +233,15 @@ class RowNearest : public FewNearest<kCapacity> {
 
   HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
     FewNearest<kCapacity>::take(bits, distances, leaf);
-    const std::size_t slots = leaf_slots(leaf.count);
     taken_ += static_cast<std::size_t>(std::popcount(bits));
     for (; bits != 0 && count_ < kRoom; bits &= bits - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
       distance_[count_] = distances[lane];
-      for (std::size_t a = 0; a < kAxes; ++a) {
-        at_[a][count_] = leaf.block[a * slots + lane];
-      }
+      const Point p = leaf.point(lane);
+      at_[0][count_] = p.x_i;
+      at_[1][count_] = p.y_i;
+      at_[2][count_] = p.x_o;
+      at_[3][count_] = p.y_o;
       ++count_;
     }
     if (count_ == kRoom) {

@@ -60,31 +60,36 @@ void* Pool::cut(std::size_t bytes, std::size_t alignment) {
 }
 
 Node* Pool::new_node() {
+  void* block = free_nodes_;
   if (free_nodes_ != nullptr) {
-    FreeBlock* block = free_nodes_;
-    free_nodes_ = block->next;
-    return new (block) Node;
+    free_nodes_ = free_nodes_->next;
+  } else {
+    block = cut(sizeof(Node), alignof(Node));
   }
-  return new (cut(sizeof(Node), alignof(Node))) Node;
+  Node* node = new (block) Node;
+  node->children = 0;
+  node->shared = 0;
+  return node;
 }
 
-float* Pool::new_leaf(std::size_t count) {
-  FreeBlock*& list = free_leaves_[leaf_slots(count) / 4];
+float* Pool::new_leaf(std::size_t count, bool shared) {
+  const std::size_t bytes = leaf_bytes(count, shared);
+  FreeBlock*& list = free_leaves_[bytes / 16];
   if (list != nullptr) {
     FreeBlock* block = list;
     list = block->next;
     return reinterpret_cast<float*>(block);
   }
-  return static_cast<float*>(cut(leaf_bytes(count), sizeof(float) * 4));
+  return static_cast<float*>(cut(bytes, sizeof(float) * 4));
 }
 
 void Pool::free_node(Node* node) noexcept {
   free_nodes_ = new (node) FreeBlock{free_nodes_};
 }
 
-void Pool::free_leaf(float* block, std::size_t count) noexcept {
-  FreeBlock*& list = free_leaves_[leaf_slots(count) / 4];
-  list = new (block) FreeBlock{list};
+void Pool::free_leaf(const Leaf& leaf) noexcept {
+  FreeBlock*& list = free_leaves_[leaf_bytes(leaf.count, leaf.shared) / 16];
+  list = new (leaf.block) FreeBlock{list};
 }
 
 }  // namespace scatter::search

@@ -23,10 +23,14 @@ namespace {
 // A node on the way, with the distances of the children that were not visited.
 struct alignas(64) Step {
   float distance[kFanOut];
+  float incident[kFanOut];  // Part of omega_i; set where a child shares it.
   const Node* node;
   std::uint32_t left;  // One bit per child not visited.
 };
 
+// Bytes: the points of a common leaf, the boxes of a node; the same of a leaf that shares omega_i.
+constexpr std::size_t kPrefetched = 704;
+constexpr std::size_t kPrefetchedShared = 384;
 constexpr std::size_t kTooMany = 6;  // More than wanted that are not worth another cut.
 constexpr int kMostCuts = 6;
 
@@ -41,25 +45,35 @@ HWY_INLINE std::uint64_t at_most(const float* distances, std::size_t count, floa
 }
 
 // Distances to the points of a leaf, and which are at most `worst`.
-HWY_INLINE std::uint64_t measure(const Query& q, const Leaf& leaf, float worst, float* distances) {
+HWY_INLINE std::uint64_t measure(const Query& q, const Leaf& leaf, float incident, float worst,
+                                 float* distances) {
   const std::size_t slots = leaf_slots(leaf.count);
   const FloatVector limit = hn::Set(kFloats, worst);
   hwy::Prefetch(leaf.ids());
   hwy::Prefetch(leaf.ids() + 16);
   std::uint64_t near = 0;
-  for (std::size_t k = 0; k < leaf.count; k += kLanes) {
-    const FloatVector d = to_points(q, leaf.block + k, slots);
-    hn::Store(d, kFloats, distances + k);
-    near |= std::uint64_t{bits_of(hn::Le(d, limit))} << k;
+  if (leaf.shared) {
+    const FloatVector part = hn::Set(kFloats, incident);
+    for (std::size_t k = 0; k < leaf.count; k += kLanes) {
+      const FloatVector d = to_shared_points(q, part, leaf.block + k, slots);
+      hn::Store(d, kFloats, distances + k);
+      near |= std::uint64_t{bits_of(hn::Le(d, limit))} << k;
+    }
+  } else {
+    for (std::size_t k = 0; k < leaf.count; k += kLanes) {
+      const FloatVector d = to_points(q, leaf.block + k, slots);
+      hn::Store(d, kFloats, distances + k);
+      near |= std::uint64_t{bits_of(hn::Le(d, limit))} << k;
+    }
   }
   return near & (~std::uint64_t{0} >> (kLeafCapacity - leaf.count));
 }
 
 // Returns whether anything was taken in.
 template <typename Nearest>
-HWY_INLINE bool scan(const Query& q, const Leaf& leaf, Nearest& nearest) {
+HWY_INLINE bool scan(const Query& q, const Leaf& leaf, float incident, Nearest& nearest) {
   alignas(64) float distances[kLeafCapacity];
-  const std::uint64_t near = measure(q, leaf, nearest.worst(), distances);
+  const std::uint64_t near = measure(q, leaf, incident, nearest.worst(), distances);
   if (near != 0) {
     nearest.take(near, distances, leaf);
   }
@@ -69,9 +83,9 @@ HWY_INLINE bool scan(const Query& q, const Leaf& leaf, Nearest& nearest) {
 // While nothing limits the distance: of the points of a leaf the `wanted` nearest and few more. The
 // limit is sought between the least and the greatest distance, where so many lie below it.
 template <typename Nearest>
-HWY_INLINE void scan_first(const Query& q, const Leaf& leaf, Nearest& nearest) {
+HWY_INLINE void scan_first(const Query& q, const Leaf& leaf, float incident, Nearest& nearest) {
   alignas(64) float distances[kLeafCapacity];
-  std::uint64_t near = measure(q, leaf, nearest.worst(), distances);
+  std::uint64_t near = measure(q, leaf, incident, nearest.worst(), distances);
   const std::size_t wanted = nearest.wanted();
   if (leaf.count <= wanted + kTooMany) {
     if (near != 0) {
@@ -129,13 +143,44 @@ HWY_INLINE void prefetch(const void* at, std::size_t bytes) {
   }
 }
 
+// What will be read of a child.
+HWY_INLINE void prefetch_child(const Node& node, std::size_t c) {
+  if (!node.is_shared(c)) {
+    prefetch(node.child[c], kPrefetched);
+  } else if (node.is_leaf(c)) {
+    prefetch(node.child[c], kPrefetchedShared);
+  } else {
+    const Node& child = *node.node(c);
+    prefetch(static_cast<const void*>(child.lo[2]), 2 * sizeof child.lo[2]);
+    prefetch(static_cast<const void*>(child.hi[2]), 2 * sizeof child.hi[2]);
+  }
+}
+
 HWY_INLINE void enter(const Query& q, const Node& node, float worst, Step& step) {
   // What is read after the boxes comes along with them.
   prefetch(static_cast<const void*>(node.child), sizeof node.child + sizeof node.points);
   const FloatVector limit = hn::Set(kFloats, worst);
   std::uint32_t near = 0;
   for (std::size_t s = 0; s < kSteps; ++s) {
-    const FloatVector d = to_boxes(q, node, s * kLanes);
+    const FloatVector incident = to_incident_sides(q, node, s * kLanes);
+    const FloatVector d = hn::Add(incident, to_outgoing_sides(q, node, s * kLanes));
+    hn::Store(incident, kFloats, step.incident + s * kLanes);
+    hn::Store(d, kFloats, step.distance + s * kLanes);
+    near |= bits_of(hn::Le(d, limit)) << (s * kLanes);
+  }
+  step.node = &node;
+  step.left = near & (0xFFFFU >> (kFanOut - node.children));
+}
+
+// The same for a node whose points share omega_i, without looking at its incident components.
+HWY_INLINE void enter_shared(const Query& q, const Node& node, float incident, float worst, Step& step) {
+  prefetch(static_cast<const void*>(node.child), sizeof node.child + sizeof node.points);
+  const FloatVector limit = hn::Set(kFloats, worst);
+  const FloatVector part = hn::Set(kFloats, incident);
+  std::uint32_t near = 0;
+  for (std::size_t s = 0; s < kSteps; ++s) {
+    const FloatVector d = hn::Add(part, to_outgoing_sides(q, node, s * kLanes));
+    hn::Store(part, kFloats, step.incident + s * kLanes);
     hn::Store(d, kFloats, step.distance + s * kLanes);
     near |= bits_of(hn::Le(d, limit)) << (s * kLanes);
   }
@@ -186,19 +231,24 @@ HWY_INLINE void walk(const Node* root, const Point& query, Nearest& nearest, Ste
     step->left &= ~(1U << c);
     const Node& node = *step->node;
     if (!first && step->left != 0) {
-      prefetch(node.child[std::countr_zero(step->left)], kPrefetched);
+      prefetch_child(node, static_cast<std::size_t>(std::countr_zero(step->left)));
     }
+    const float incident = step->incident[c];
     if (!node.is_leaf(c)) {
       ++step;
-      enter(q, *node.node(c), nearest.worst(), *step);
+      if (node.is_shared(c)) {
+        enter_shared(q, *node.node(c), incident, nearest.worst(), *step);
+      } else {
+        enter(q, *node.node(c), nearest.worst(), *step);
+      }
       continue;
     }
     const Leaf leaf = node.leaf(c);
     if (first) {
       first = false;
-      scan_first(q, leaf, nearest);
+      scan_first(q, leaf, incident, nearest);
       step->left = near_children(*step, nearest.worst());
-    } else if (scan(q, leaf, nearest)) {
+    } else if (scan(q, leaf, incident, nearest)) {
       step->left = near_children(*step, nearest.worst());
     }
   }

@@ -31,32 +31,46 @@ struct Box {
   [[nodiscard]] bool operator==(const Box&) const noexcept = default;
 };
 
-/// A leaf is one block of floats: four component arrays of `leaf_slots(count)` elements each, then
-/// as many ids. Its count is kept by the node above. Blocks may be read 64 bytes past their end.
+/// Whether all that the box holds shares omega_i.
+[[nodiscard]] constexpr bool shares_incidence(const Box& b) noexcept {
+  return b.lo[0] == b.hi[0] && b.lo[1] == b.hi[1];
+}
+
+/// A leaf is one block of floats: component arrays of `leaf_slots(count)` elements each, then as many
+/// ids. A mixed leaf has all four components; one whose points share omega_i has only those of
+/// omega_o, the others stand in its box. Count and kind are kept by the node above. Blocks may be
+/// read 64 bytes past their end.
 [[nodiscard]] constexpr std::size_t leaf_slots(std::size_t count) noexcept {
   return (count + 3) & ~std::size_t{3};
 }
-[[nodiscard]] constexpr std::size_t leaf_bytes(std::size_t count) noexcept {
-  return leaf_slots(count) * (kAxes * sizeof(float) + sizeof(std::uint32_t));
+[[nodiscard]] constexpr std::size_t leaf_bytes(std::size_t count, bool shared) noexcept {
+  return leaf_slots(count) * ((shared ? 2 : kAxes) * sizeof(float) + sizeof(std::uint32_t));
 }
 
-/// Leaf seen with its count.
+/// Leaf seen with its count and kind.
 struct Leaf {
   float* block = nullptr;
   std::size_t count = 0;
+  bool shared = false;  ///< One omega_i for all points.
+  float x_i = 0;        ///< Where shared.
+  float y_i = 0;
 
-  [[nodiscard]] float* axis(std::size_t a) const noexcept { return block + a * leaf_slots(count); }
+  [[nodiscard]] float* x_o() const noexcept { return block + (shared ? 0 : 2) * leaf_slots(count); }
+  [[nodiscard]] float* y_o() const noexcept { return x_o() + leaf_slots(count); }
   [[nodiscard]] std::uint32_t* ids() const noexcept {
-    return reinterpret_cast<std::uint32_t*>(block + kAxes * leaf_slots(count));
+    return reinterpret_cast<std::uint32_t*>(x_o() + 2 * leaf_slots(count));
   }
   [[nodiscard]] Point point(std::size_t k) const noexcept {
-    return {axis(0)[k], axis(1)[k], axis(2)[k], axis(3)[k]};
+    return {shared ? x_i : block[k], shared ? y_i : block[leaf_slots(count) + k], x_o()[k], y_o()[k]};
   }
+  /// The point has the leaf's omega_i where that is shared.
   void put(std::size_t k, const Point& p, std::uint32_t id) const noexcept {
-    axis(0)[k] = p.x_i;
-    axis(1)[k] = p.y_i;
-    axis(2)[k] = p.x_o;
-    axis(3)[k] = p.y_o;
+    if (!shared) {
+      block[k] = p.x_i;
+      block[leaf_slots(count) + k] = p.y_i;
+    }
+    x_o()[k] = p.x_o;
+    y_o()[k] = p.y_o;
     ids()[k] = id;
   }
 };
@@ -67,10 +81,16 @@ struct alignas(64) Node {
   float hi[kAxes][kFanOut];
   void* child[kFanOut];
   std::uint8_t points[kFanOut];  ///< Of a leaf, 1..64; 0: the child is a node.
-  std::uint32_t children;        ///< 1..16; the lanes from here on hold anything.
+  std::uint16_t children;        ///< 1..16; the lanes from here on hold anything.
+  /// One bit per child. Of a leaf: it has that layout. Of a node: only set where all its points share
+  /// omega_i, so that the incident part of the distance is the same everywhere below.
+  std::uint16_t shared;
 
   [[nodiscard]] bool is_leaf(std::size_t c) const noexcept { return points[c] != 0; }
-  [[nodiscard]] Leaf leaf(std::size_t c) const noexcept { return {static_cast<float*>(child[c]), points[c]}; }
+  [[nodiscard]] bool is_shared(std::size_t c) const noexcept { return (shared >> c & 1U) != 0; }
+  [[nodiscard]] Leaf leaf(std::size_t c) const noexcept {
+    return {static_cast<float*>(child[c]), points[c], is_shared(c), lo[0][c], lo[1][c]};
+  }
   [[nodiscard]] Node* node(std::size_t c) const noexcept { return static_cast<Node*>(child[c]); }
   [[nodiscard]] Box box(std::size_t c) const noexcept {
     Box b;
@@ -85,6 +105,20 @@ struct alignas(64) Node {
       lo[a][c] = b.lo[a];
       hi[a][c] = b.hi[a];
     }
+  }
+  void set_shared(std::size_t c, bool on) noexcept {
+    shared = static_cast<std::uint16_t>((shared & ~(1U << c)) | (on ? 1U : 0U) << c);
+  }
+  void hang(std::size_t c, const Leaf& leaf) noexcept {
+    child[c] = leaf.block;
+    points[c] = static_cast<std::uint8_t>(leaf.count);
+    set_shared(c, leaf.shared);
+  }
+  void hang(std::size_t c, Node* node, const Box& b) noexcept {
+    child[c] = node;
+    points[c] = 0;
+    set_box(c, b);
+    set_shared(c, shares_incidence(b));
   }
 };
 
@@ -101,9 +135,9 @@ class Pool {
   /// The next chunk has at least this size: a bulk build asks for what it needs.
   void reserve(std::size_t bytes) { next_chunk_ = bytes > next_chunk_ ? bytes : next_chunk_; }
   [[nodiscard]] Node* new_node();
-  [[nodiscard]] float* new_leaf(std::size_t count);
+  [[nodiscard]] float* new_leaf(std::size_t count, bool shared);
   void free_node(Node* node) noexcept;
-  void free_leaf(float* block, std::size_t count) noexcept;
+  void free_leaf(const Leaf& leaf) noexcept;
   [[nodiscard]] std::size_t bytes() const noexcept { return bytes_; }
 
  private:
@@ -120,7 +154,7 @@ class Pool {
   std::byte* end_ = nullptr;
   std::size_t next_chunk_ = 0;
   std::size_t bytes_ = 0;
-  std::array<FreeBlock*, kLeafCapacity / 4 + 1> free_leaves_{};  ///< By slots / 4.
+  std::array<FreeBlock*, leaf_bytes(kLeafCapacity, false) / 16 + 1> free_leaves_{};  ///< By bytes / 16.
   FreeBlock* free_nodes_ = nullptr;
 };
 
