@@ -8,15 +8,18 @@
 #include <mutex>
 #include <new>
 #include <optional>
+#include <utility>
+
+#include "simulator/corrosion/front_growth.h"
 
 namespace scatter::corrosion {
 namespace {
 
 Result<std::shared_ptr<const Growth>> grow(GrowthOptions options, std::vector<std::string> notes,
                                            const Growth::Progress& progress, const std::stop_token& stop) {
-  (void)notes;
-  (void)progress;
-  (void)stop;
+  if (options.mode == Mode::kPhysical) {
+    return grow_front(std::move(options), std::move(notes), progress, stop);
+  }
   return fail(ErrorCode::kUnimplemented,
               fmt::format("mode: {} is not built in", static_cast<unsigned>(options.mode)),
               "use another mode");

@@ -48,7 +48,10 @@ Status check_front_options(const FrontOptions& front) {
                    within("front.front_sigma", front.front_sigma, 0, 3),
                    within("front.front_length_mm", front.front_length_mm, 1e-3, 1e5, " mm"),
                    within("front.pit_sigma", front.pit_sigma, 0, 3),
-                   within("front.pit_length_mm", front.pit_length_mm, 1e-3, 1e5, " mm")});
+                   within("front.front_roughness", front.front_roughness, 0.05, 4),
+                   within("front.pit_length_mm", front.pit_length_mm, 1e-3, 1e5, " mm"),
+                   within("front.pit_roughness", front.pit_roughness, 0.05, 4),
+                   within("front.finest_mm", front.finest_mm, 1e-3, 1e5, " mm")});
 }
 
 }  // namespace

@@ -33,17 +33,19 @@ struct EventOptions {
       false;  ///< A cell also loses metal when its last neighbour corrodes (the pseudocode).
 };
 
-/// Of Mode::kPhysical only. Fields are random, isotropic and the same on every grid; sigma is the standard
-/// deviation of the logarithm of what they multiply.
+/// Of Mode::kPhysical only. Fields are random, isotropic and the same on every grid (random_field.h); sigma
+/// is the standard deviation of the logarithm of what they multiply.
 struct FrontOptions {
-  double depth_per_spread =
-      0.06;                  ///< Depth gained [mm] while the front moves 1 mm, where all maps are neutral.
-  double skin_um = 5;        ///< Depth lost at once where the front arrives.
-  double front_sigma = 0.7;  ///< Of the front's speed.
-  double front_length_mm =
-      4;                     ///< Longest correlation length of the speed; there are shorter ones, to a 32nd.
-  double pit_sigma = 0.5;    ///< Of the rate of deepening.
-  double pit_length_mm = 1;  ///< The same for the rate of deepening.
+  /// Depth gained [mm] while the front moves 1 mm, where all maps are neutral.
+  double depth_per_spread = 0.06;
+  double skin_um = 5;            ///< Depth lost soon after the front arrives.
+  double front_sigma = 0.7;      ///< Of the front's speed.
+  double front_length_mm = 4;    ///< Correlation length of the speed; shorter scales to the finest.
+  double front_roughness = 0.5;  ///< Of the speed: FieldSpectrum::roughness, small is ragged.
+  double pit_sigma = 0.5;        ///< Of the rate of deepening.
+  double pit_length_mm = 1;      ///< The same for the rate of deepening.
+  double pit_roughness = 0.5;    ///< The same for the rate of deepening.
+  double finest_mm = 0.032;      ///< Nothing varies at random on shorter scales (waves of 2 pi times it).
 };
 
 struct GrowthOptions {
