@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "simulator/corrosion/event_growth.h"
 #include "simulator/corrosion/front_growth.h"
 
 namespace scatter::corrosion {
@@ -17,12 +18,8 @@ namespace {
 
 Result<std::shared_ptr<const Growth>> grow(GrowthOptions options, std::vector<std::string> notes,
                                            const Growth::Progress& progress, const std::stop_token& stop) {
-  if (options.mode == Mode::kPhysical) {
-    return grow_front(std::move(options), std::move(notes), progress, stop);
-  }
-  return fail(ErrorCode::kUnimplemented,
-              fmt::format("mode: {} is not built in", static_cast<unsigned>(options.mode)),
-              "use another mode");
+  return options.mode == Mode::kPhysical ? grow_front(std::move(options), std::move(notes), progress, stop)
+                                         : grow_events(std::move(options), std::move(notes), progress, stop);
 }
 
 }  // namespace
