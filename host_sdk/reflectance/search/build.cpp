@@ -77,6 +77,20 @@ std::size_t leaf_fill(const Box& box) noexcept {
   return flat ? kFlatFill : kLeafFill;
 }
 
+// Where each child's share of its node's points ends.
+constexpr std::array<std::uint32_t, kFanOut + 1> kEqual{0, 1,  2,  3,  4,  5,  6,  7, 8,
+                                                        9, 10, 11, 12, 13, 14, 15, 16};
+// Shares of 32 to 58 in the frequencies of leaves that grow and are halved at 64 (as the inverse of
+// the square), in an order that gives neighbours different ones.
+constexpr std::array<std::uint32_t, kFanOut + 1> kGrown = [] {
+  std::array<std::uint32_t, kFanOut + 1> ends{};
+  for (std::size_t c = 0; c < kFanOut; ++c) {
+    const auto rank = static_cast<double>(c * 7 % kFanOut);
+    ends[c + 1] = ends[c] + static_cast<std::uint32_t>(64 / (2 - 0.9 * (rank + 0.5) / kFanOut));
+  }
+  return ends;
+}();
+
 // Points and ids, which each level of the tree moves from one store to the other.
 struct Store {
   std::unique_ptr<Four[]> points;
@@ -89,8 +103,9 @@ struct Store {
 
 class Builder {
  public:
-  Builder(std::span<const Point> points, std::span<const std::uint32_t> ids, Pool& pool)
+  Builder(std::span<const Point> points, std::span<const std::uint32_t> ids, Fill fill, Pool& pool)
       : pool_(pool),
+        leaf_weights_(fill == Fill::kEqual ? kEqual : kGrown),
         count_(points.size()),
         stores_{Store(count_), Store(count_)},
         group_(std::make_unique_for_overwrite<std::uint8_t[]>(count_)) {
@@ -164,6 +179,7 @@ class Builder {
     std::array<std::size_t, kFanOut> size{end - begin};
     std::size_t groups = 1;
     std::uint8_t* group = group_.get();
+    const std::array<std::uint32_t, kFanOut + 1>& weights = below == 1 ? leaf_weights_ : kEqual;
     const auto bin_of = [points](const Plan::Axis& axis, std::size_t k) {
       return static_cast<std::size_t>(static_cast<int>((points[k][axis.axis] - axis.lo) * axis.scale));
     };
@@ -192,6 +208,7 @@ class Builder {
       std::array<std::size_t, kFanOut> next_children{};
       std::array<std::size_t, kFanOut> next_size{};
       std::size_t next = 0;
+      std::size_t child = 0;  // First of the group.
       if (level == 0 && incidences > 0 && incidences <= dealt.children) {
         for (std::size_t bin = 0; bin < bins; ++bin) {
           part_[bin] = static_cast<std::uint8_t>(next);
@@ -207,10 +224,11 @@ class Builder {
         std::size_t bin = 0;
         std::size_t reached = 0;
         std::size_t given = 0;
+        const std::uint32_t whole = weights[child + children[g]] - weights[child];
         for (std::size_t p = 0; p < parts; ++p) {
           const std::size_t share = (children[g] - given + (parts - p) - 1) / (parts - p);
           given += share;
-          const std::size_t goal = size[g] * given / children[g];
+          const std::size_t goal = size[g] * (weights[child + given] - weights[child]) / whole;
           const std::size_t first = reached;
           for (; bin < bins; ++bin) {
             const std::size_t in_bin = histogram_[g * bins + bin];
@@ -224,6 +242,7 @@ class Builder {
           next_size[next] = reached - first;
           ++next;
         }
+        child += children[g];
       }
       children = next_children;
       size = next_size;
@@ -360,6 +379,7 @@ class Builder {
   }
 
   Pool& pool_;
+  const std::array<std::uint32_t, kFanOut + 1>& leaf_weights_;
   std::size_t count_;
   Bounds bounds_;
   std::array<Store, 2> stores_;
@@ -371,7 +391,7 @@ class Builder {
 
 }  // namespace
 
-Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> ids) {
+Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> ids, Fill fill) {
   Tree tree;
   if (points.empty()) {
     return tree;
@@ -383,7 +403,7 @@ Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> id
     turns += points[k].x_i != points[k - 1].x_i || points[k].y_i != points[k - 1].y_i ? 1U : 0U;
   }
   tree.pool.reserve(points.size() * (turns < points.size() / kFlatFill ? kSharedBytes : kMixedBytes));
-  Builder builder(points, ids, tree.pool);
+  Builder builder(points, ids, fill, tree.pool);
   tree.root = builder.root();
   tree.size = points.size();
   tree.levels = 1;
@@ -393,7 +413,7 @@ Tree build_tree(std::span<const Point> points, std::span<const std::uint32_t> id
   return tree;
 }
 
-void rebuild(Tree& tree) {
+void rebuild(Tree& tree, Fill fill) {
   std::vector<Point> points;
   std::vector<std::uint32_t> ids;
   points.reserve(tree.size);
@@ -417,7 +437,7 @@ void rebuild(Tree& tree) {
       }
     }
   }
-  tree = build_tree(points, ids);
+  tree = build_tree(points, ids, fill);
 }
 
 Box box_of(const Leaf& leaf) noexcept {

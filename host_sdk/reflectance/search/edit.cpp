@@ -179,7 +179,7 @@ void hang_upwards(Tree& tree, Way& way, Node& extra) {
       root->children = 2;
       tree.root = root;
       if (++tree.levels > kMostLevels) {
-        rebuild(tree);
+        rebuild(tree, Fill::kGrown);
       }
       return;
     }
@@ -372,7 +372,7 @@ void find_below(const Node& node, const Point& p, auto& visit) {
 void renew(Tree& tree) {
   constexpr std::size_t kFewChanges = 512;
   if (++tree.changes > tree.size / 2 + kFewChanges) {
-    rebuild(tree);
+    rebuild(tree, Fill::kGrown);
   }
 }
 

@@ -51,7 +51,7 @@ struct NeighborIndex::State {
                   not_finite(static_cast<std::size_t>(bad - points.begin()), *bad), kRemedy);
     }
     NeighborIndex index;
-    index.state_->tree = build_tree(points, ids);
+    index.state_->tree = build_tree(points, ids, Fill::kEqual);
     return index;
   }
 };
@@ -103,7 +103,7 @@ void NeighborIndex::clear() noexcept {
 }
 
 void NeighborIndex::rebuild() {
-  search::rebuild(state_->tree);
+  search::rebuild(state_->tree, Fill::kEqual);
 }
 
 std::size_t NeighborIndex::size() const noexcept {

@@ -43,8 +43,8 @@ void* Pool::cut(std::size_t bytes, std::size_t alignment) {
   };
   std::byte* at = begin_ == nullptr ? nullptr : aligned(begin_);
   if (at == nullptr || at > end_ || static_cast<std::size_t>(end_ - at) < bytes) {
-    // Chunks of 1/16 of what is there keep the unused part below 6 %.
-    const std::size_t size = std::max({kSmallestChunk, bytes_ / 16, next_chunk_, bytes}) + kMargin;
+    // Chunks of 1/32 of what is there keep the unused part below 3 %.
+    const std::size_t size = std::max({kSmallestChunk, bytes_ / 32, next_chunk_, bytes}) + kMargin;
     next_chunk_ = 0;
     auto* chunk = static_cast<std::byte*>(::operator new(size, std::align_val_t{kLine}));
     ask_for_huge_pages(chunk, size);

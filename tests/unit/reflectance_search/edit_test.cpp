@@ -153,6 +153,18 @@ TEST_CASE("A built index holds its points in at most 25 bytes each") {
   CHECK(NeighborIndex::build(points)->memory_bytes() <= 25 * points.size());
 }
 
+// Leaves of one age outgrow their blocks together, and what they leave fits none of them.
+TEST_CASE("An index grown point by point holds its points in at most 30 bytes each") {
+  const std::vector<Point> points = random_points(60000, 8);
+  NeighborIndex index;
+  for (std::uint32_t id = 0; id < points.size(); ++id) {
+    REQUIRE(index.add(points[id], id).has_value());
+    if (id >= 10000 && id % 500 == 0) {
+      REQUIRE(index.memory_bytes() <= std::size_t{30} * (id + 1));
+    }
+  }
+}
+
 // Half of a forest that only marks its dead would still be there.
 TEST_CASE("Removal gives memory to later additions") {
   const std::vector<Point> points = random_points(20000, 6);
