@@ -34,6 +34,7 @@ enum class Purpose : std::uint32_t {
   kFaults = 9,       ///< Optics and sensor faults.
   kLinkFaults = 10,  ///< Index = direction and fault; used by simulator/instrument.
   kCorrosion = 11,
+  kPatina = 12,  ///< Index: corrosion/patina/draws.h.
 };
 
 /// Names one sequence of blocks: block i has counter {i, index low, index high, purpose}.
