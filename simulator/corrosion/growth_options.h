@@ -37,15 +37,15 @@ struct EventOptions {
 /// is the standard deviation of the logarithm of what they multiply.
 struct FrontOptions {
   /// Depth gained [mm] while the front moves 1 mm, where all maps are neutral.
-  double depth_per_spread = 0.06;
+  double depth_per_spread = 0.08;
   double skin_um = 5;            ///< Depth lost soon after the front arrives.
-  double front_sigma = 0.7;      ///< Of the front's speed.
+  double front_sigma = 1.1;      ///< Of the front's speed.
   double front_length_mm = 4;    ///< Correlation length of the speed; shorter scales to the finest.
-  double front_roughness = 0.5;  ///< Of the speed: FieldSpectrum::roughness, small is ragged.
-  double pit_sigma = 0.5;        ///< Of the rate of deepening.
-  double pit_length_mm = 1;      ///< The same for the rate of deepening.
-  double pit_roughness = 0.5;    ///< The same for the rate of deepening.
-  double finest_mm = 0.032;      ///< Nothing varies at random on shorter scales (waves of 2 pi times it).
+  double front_roughness = 0.3;  ///< Of the speed: FieldSpectrum::roughness, small is ragged.
+  double pit_sigma = 0.6;        ///< Of the rate of deepening.
+  double pit_length_mm = 0.8;    ///< The same for the rate of deepening.
+  double pit_roughness = 0.8;    ///< The same for the rate of deepening.
+  double finest_mm = 0.05;       ///< Nothing varies at random on shorter scales (waves of 2 pi times it).
 };
 
 struct GrowthOptions {
