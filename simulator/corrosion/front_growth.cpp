@@ -9,6 +9,7 @@
 
 #include "simulator/corrosion/cells.h"
 #include "simulator/corrosion/front_march.h"
+#include "simulator/corrosion/front_replay.h"
 #include "simulator/corrosion/mass_clock.h"
 #include "simulator/corrosion/random_field.h"
 #include "simulator/corrosion/starting_points.h"
@@ -20,18 +21,12 @@ constexpr float kNever = std::numeric_limits<float>::infinity();
 /// How far the front goes while the skin forms behind it [mm]: the width of a patch's shaded rim.
 constexpr double kSkinWidthMm = 0.1;
 
-/// A late seed between its appearance and its outbreak.
-struct Waiting {
-  std::uint32_t cell = 0;
-  float since = 0;
-};
-
 /// What a run leaves.
 struct History {
   DepthLaw law;
   std::vector<float> births;  ///< Tau [mm] at which the front arrives; infinite where it does not.
   std::vector<float> rates;   ///< Shares of the thickness per mm of tau.
-  std::vector<Waiting> late;
+  std::vector<WaitingSeed> late;
   MassClock clock;
   double final_loss = 0;  ///< Share of the metal that is gone at the last age.
   bool exhausted = false;
@@ -88,51 +83,17 @@ void FrontGrowth::replay(std::span<const double> ages_years,
   }
   const std::vector<double> taus = history_.clock.solve(losses, history_.births, history_.rates);
 
-  const std::size_t cells = history_.births.size();
-  Sheet sheet;
-  sheet.side = options().side;
-  sheet.extent_mm = options().extent_mm;
-  sheet.thickness_mm = options().thickness_mm;
-  sheet.toroidal = options().border == Border::kToroidal;
-  sheet.birth_years = birth_years_;
-  sheet.height.resize(cells);
-  sheet.state.resize(cells);
-  std::vector<std::uint8_t> corroded(cells);
-  std::vector<std::uint32_t> waiting;
-  const auto skin = static_cast<float>(history_.law.skin);
-  const auto per_width = static_cast<float>(1 / history_.law.width);
+  FrontReplay show({.law = history_.law,
+                    .births = history_.births,
+                    .rates = history_.rates,
+                    .opening = opening_,
+                    .late = history_.late},
+                   options(), birth_years_);
   for (std::size_t i = 0; i < ages_years.size(); ++i) {
     // Before the first age nothing is corroded, not even the starting points.
-    const double tau = losses[i] > 0 ? taus[i] : -1;
-    // Two floats, so that the way from a late birth is exact.
-    const auto high = static_cast<float>(tau);
-    const auto low = static_cast<float>(tau - static_cast<double>(high));
-    const float* const births = history_.births.data();
-    const float* const rates = history_.rates.data();
-    float* const height = sheet.height.data();
-    std::uint8_t* const mark = corroded.data();
-    for (std::size_t cell = 0; cell < cells; ++cell) {
-      const float way = (high - births[cell]) + low;
-      const float since = way > 0 ? way : 0;
-      const float share = since * per_width;
-      const float lost = skin * (share < 1 ? share : 1) + rates[cell] * since;
-      height[cell] = lost < 1 ? 1 - lost : 0;
-      mark[cell] = way >= 0 ? 1 : 0;
-    }
-    for (std::size_t cell = 0; cell < opening_.size(); ++cell) {
-      height[cell] = opening_[cell] != 0 ? 0 : height[cell];
-    }
-    waiting.clear();
-    for (const Waiting& seed : history_.late) {
-      if (static_cast<double>(seed.since) <= tau) {
-        waiting.push_back(seed.cell);
-      }
-    }
-    find_states(corroded, opening_, sheet.height, waiting, sheet.side, options().border, sheet.state);
-    account(opening_, sheet);
+    Sheet& sheet = show.show(losses[i] > 0 ? taus[i] : -1);
     sheet.age_years = ages_years[i];
     sheet.target_g_per_m2 = mass_loss_g_per_m2(options().corrosivity, options().law, ages_years[i]);
-    sheet.events = static_cast<std::uint64_t>(std::count(corroded.begin(), corroded.end(), std::uint8_t{1}));
     sheet.exhausted = losses[i] * metal < sheet.target_g_per_m2 * (1 - 1e-12) ||
                       (history_.exhausted && losses[i] > history_.final_loss);
     visit(sheet);
