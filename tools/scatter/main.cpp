@@ -70,8 +70,9 @@ int run(int argc, char** argv) {
       "Try:  scatter measure 'sim:?sample=ggx:alpha=0.2,f0=0.04,albedo=0.3' -o out\n"
       "Exit status: 0 done, 1 failed, 2 wrong usage.");
   std::vector<Verb> verbs;
-  for (const auto add : {add_list, add_info, add_calibrate, add_measure, add_record, add_process, add_inspect,
-                         add_convert, add_merge, add_atlas, add_compare, add_fit, add_plot, add_simulate}) {
+  for (const auto add :
+       {add_list, add_info, add_calibrate, add_measure, add_record, add_process, add_inspect, add_convert,
+        add_merge, add_atlas, add_compare, add_fit, add_plot, add_corrode, add_simulate}) {
     verbs.push_back(add(root));
   }
   bool json = false;

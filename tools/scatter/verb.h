@@ -45,6 +45,7 @@ struct Verb {
 [[nodiscard]] Verb add_process(CLI::App& root);
 [[nodiscard]] Verb add_inspect(CLI::App& root);
 [[nodiscard]] Verb add_convert(CLI::App& root);
+[[nodiscard]] Verb add_corrode(CLI::App& root);
 [[nodiscard]] Verb add_merge(CLI::App& root);
 [[nodiscard]] Verb add_atlas(CLI::App& root);
 [[nodiscard]] Verb add_compare(CLI::App& root);
