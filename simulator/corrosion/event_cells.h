@@ -1,4 +1,4 @@
-// The cells as Mode::kThesis works on them: a byte of neighbourhood each, and their heights.
+// The cells as Mode::kThesis works on them: a byte of neighbourhood each.
 #pragma once
 
 #include <bit>
@@ -12,7 +12,13 @@
 
 namespace scatter::corrosion {
 
-/// Who has corroded, who is next to it, and how high each cell stands.
+/// Sets of the nine cells around one: bit 3 * row + column, rows from above, columns from the left.
+struct Around {
+  std::uint32_t threatened;
+  std::uint32_t enclosed;
+};
+
+/// Who has corroded and who is next to it.
 ///
 /// A cell's byte counts the neighbours that enclose it (corroded, open or beyond a clamped border) in its low
 /// four bits. Three rows of three bytes change with an event; they are read and written as three words.
@@ -21,8 +27,7 @@ class EventCells {
   explicit EventCells(const EventSetup& setup)
       : setup_(&setup),
         side_(setup.side),
-        bytes_(std::size_t{setup.side} * setup.side + sizeof(std::uint32_t)),
-        height_(std::size_t{setup.side} * setup.side, 1.0F) {
+        bytes_(std::size_t{setup.side} * setup.side + sizeof(std::uint32_t)) {
     for (std::uint32_t i = 0; i < side_; ++i) {
       for (const std::uint32_t cell : {i, (side_ - 1) * side_ + i, i * side_, i * side_ + side_ - 1}) {
         bytes_[cell] |= kBorder;
@@ -40,13 +45,12 @@ class EventCells {
     for (std::uint32_t cell = 0; cell < setup.opening.size(); ++cell) {
       if (setup.opening[cell] != 0) {
         bytes_[cell] |= kKnown;
-        height_[cell] = 0;
         visit_neighbours(cell, side_, setup.border, [&](std::uint32_t other) { ++bytes_[other]; });
       }
     }
     for (std::uint32_t row = 0; row < 3; ++row) {
       for (std::uint32_t column = 0; column < 3; ++column) {
-        offset_[8 * column + row] = (row - 1) * side_ + column - 1;
+        offset_[3 * row + column] = (row - 1) * side_ + column - 1;
       }
     }
   }
@@ -55,29 +59,22 @@ class EventCells {
   /// Threatened, corroded or open.
   [[nodiscard]] bool known(std::uint32_t cell) const noexcept { return (bytes_[cell] & kKnown) != 0; }
   [[nodiscard]] bool enclosed(std::uint32_t cell) const noexcept { return (bytes_[cell] & kCount) == 8; }
-  [[nodiscard]] float height(std::uint32_t cell) const noexcept { return height_[cell]; }
-  [[nodiscard]] std::vector<float>& heights() noexcept { return height_; }
 
-  void fetch_for_width(std::uint32_t cell) const noexcept {
+  void fetch(std::uint32_t cell) const noexcept {
     const std::uint8_t* const here = bytes_.data() + cell;
     __builtin_prefetch(here, 1);
     __builtin_prefetch(here - (cell >= side_ ? side_ : 0), 1);
     __builtin_prefetch(here + side_, 1);
-    __builtin_prefetch(height_.data() + cell, 1);
   }
-  void fetch_for_depth(std::uint32_t cell) const noexcept { __builtin_prefetch(height_.data() + cell, 1); }
 
   /// A late seed begins to wait.
   void threaten(std::uint32_t cell) noexcept { bytes_[cell] |= kKnown; }
 
-  /// The cell has corroded: threatened(other) for each neighbour that is threatened for the first time,
-  /// enclosed(other) for each corroded cell that has no neighbour left to spread to, itself included.
-  template <typename Threatened, typename Enclosed>
-  void corrode(std::uint32_t cell, Threatened&& threatened, Enclosed&& enclosed) {
-    if ((bytes_[cell] & kBorder) != 0) {
-      corrode_at_border(cell, threatened, enclosed);
-      return;
-    }
+  [[nodiscard]] bool at_border(std::uint32_t cell) const noexcept { return (bytes_[cell] & kBorder) != 0; }
+
+  /// A cell inside the border has corroded: who of the nine cells around it, itself included, is threatened
+  /// for the first time, and who has corroded and has no neighbour left to spread to.
+  Around corrode_inside(std::uint32_t cell) noexcept {
     std::uint8_t* const at = bytes_.data() + cell - 1;
     std::uint32_t above = load(at - side_) + 0x010101U;
     std::uint32_t here = load(at) + 0x010001U;
@@ -89,33 +86,43 @@ class EventCells {
     store(at - side_, above | new_above);
     store(at, here | new_here);
     store(at + side_, below | new_below);
-    // Bits 0, 8 and 16 are the left, middle and right cell of the upper row, the bits above them those of the
-    // rows below.
-    std::uint32_t found = (new_above >> 6U) | (new_here >> 5U) | (new_below >> 4U);
-    for (; found != 0; found &= found - 1) {
-      threatened(cell + offset_[std::countr_zero(found)]);
-    }
     // A count of 8 is bit 3, which beside kCorroded, bit 5, says that all around have corroded; nobody comes
     // to it twice.
-    above &= above << 2U;
-    here &= here << 2U;
-    below &= below << 2U;
-    found = ((above & 0x202020U) >> 5U) | ((here & 0x202020U) >> 4U) | ((below & 0x202020U) >> 3U);
-    for (; found != 0; found &= found - 1) {
-      enclosed(cell + offset_[std::countr_zero(found)]);
+    return {.threatened = three(new_above >> 6U) | three(new_here >> 6U) << 3U | three(new_below >> 6U) << 6U,
+            .enclosed = three((above & above << 2U) >> 5U) | three((here & here << 2U) >> 5U) << 3U |
+                        three((below & below << 2U) >> 5U) << 6U};
+  }
+  /// The same for a cell at the border: threatened(other), enclosed(other).
+  template <typename Threatened, typename Enclosed>
+  void corrode_at_border(std::uint32_t cell, Threatened&& threatened, Enclosed&& enclosed) {
+    bytes_[cell] |= kCorroded | kKnown;
+    visit_neighbours(cell, side_, setup_->border, [&](std::uint32_t other) {
+      const std::uint8_t byte = ++bytes_[other];
+      if ((byte & kKnown) == 0) {
+        bytes_[other] |= kKnown;
+        threatened(other);
+      } else if ((byte & kCorroded) != 0 && (byte & kCount) == 8) {
+        enclosed(other);
+      }
+    });
+    if ((bytes_[cell] & kCount) == 8) {
+      enclosed(cell);
     }
   }
-
-  /// Takes a bite of the cell, or what is left of it. Returns the units taken.
-  std::int64_t hit(std::uint32_t cell, float bite) noexcept {
-    const float before = height_[cell];
-    const float after = before > bite ? before - bite : 0.0F;
-    height_[cell] = after;
-    return static_cast<std::int64_t>((before - after) * static_cast<float>(kUnitsPerThickness));
-  }
-  /// Puts units back: the law asked for less.
-  void give_back(std::uint32_t cell, std::int64_t units) noexcept {
-    height_[cell] += static_cast<float>(static_cast<double>(units) / kUnitsPerThickness);
+  /// Either of them.
+  template <typename Threatened, typename Enclosed>
+  void corrode(std::uint32_t cell, Threatened&& threatened, Enclosed&& enclosed) {
+    if (at_border(cell)) {
+      corrode_at_border(cell, threatened, enclosed);
+      return;
+    }
+    const Around around = corrode_inside(cell);
+    for (std::uint32_t found = around.threatened; found != 0; found &= found - 1) {
+      threatened(cell + offset_[std::countr_zero(found)]);
+    }
+    for (std::uint32_t found = around.enclosed; found != 0; found &= found - 1) {
+      enclosed(cell + offset_[std::countr_zero(found)]);
+    }
   }
 
  private:
@@ -131,28 +138,15 @@ class EventCells {
   }
   static void store(std::uint8_t* at, std::uint32_t word) noexcept { std::memcpy(at, &word, sizeof word); }
 
-  template <typename Threatened, typename Enclosed>
-  void corrode_at_border(std::uint32_t cell, Threatened& threatened, Enclosed& enclosed) {
-    bytes_[cell] |= kCorroded | kKnown;
-    visit_neighbours(cell, side_, setup_->border, [&](std::uint32_t other) {
-      const std::uint8_t byte = ++bytes_[other];
-      if ((byte & kKnown) == 0) {
-        bytes_[other] |= kKnown;
-        threatened(other);
-      } else if ((byte & kCorroded) != 0 && (byte & kCount) == 8) {
-        enclosed(other);
-      }
-    });
-    if ((bytes_[cell] & kCount) == 8) {
-      enclosed(cell);
-    }
+  /// Bits 0, 8 and 16 side by side.
+  static std::uint32_t three(std::uint32_t bits) noexcept {
+    return ((bits & 0x010101U) * 0x010204U >> 16U) & 7U;
   }
 
   const EventSetup* setup_;
   std::uint32_t side_;
   std::vector<std::uint8_t> bytes_;  ///< One word longer than there are cells.
-  std::vector<float> height_;
-  std::uint32_t offset_[24] = {};  ///< From a cell to the neighbour of a bit; wraps around below zero.
+  std::uint32_t offset_[9] = {};     ///< From a cell to the one of a bit; wraps around below zero.
 };
 
 }  // namespace scatter::corrosion

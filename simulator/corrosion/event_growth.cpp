@@ -6,12 +6,14 @@
 #include <cmath>
 #include <limits>
 #include <mutex>
+#include <type_traits>
 #include <utility>
 
 #include "simulator/corrosion/cells.h"
 #include "simulator/corrosion/draws.h"
 #include "simulator/corrosion/event_cells.h"
 #include "simulator/corrosion/event_log.h"
+#include "simulator/corrosion/event_metal.h"
 #include "simulator/corrosion/event_picker.h"
 #include "simulator/corrosion/event_replay.h"
 #include "simulator/corrosion/event_setup.h"
@@ -48,8 +50,9 @@ class EventGrowth final : public Growth {
       auto lost = log_.lost_before_width.begin();
       for (const std::uint32_t event : log_.events) {
         if ((event & EventLog::kDepth) == 0) {
-          (*years)[event] = static_cast<float>(age_of_loss_years(options().corrosivity, options().law,
-                                                                 loss_of_units(options(), setup_, *lost++)));
+          (*years)[event] = static_cast<float>(
+              age_of_loss_years(options().corrosivity, options().law,
+                                loss_of_units(options(), setup_, static_cast<double>(*lost++))));
         }
       }
       birth_years_ = std::move(years);
@@ -63,16 +66,19 @@ class EventGrowth final : public Growth {
   mutable std::shared_ptr<const std::vector<float>> birth_years_;
 };
 
-/// One run. Width and Depth are the ways to pick (event_picker.h).
-template <typename Width, typename Depth>
+/// One run. Width and Depth are the ways to pick (event_picker.h), Metal the way to keep what is left
+/// (event_metal.h).
+template <typename Width, typename Depth, typename Metal>
 class EventRun {
  public:
   EventRun(const GrowthOptions& options, const EventSetup& setup, Width width, Depth depth)
       : setup_(&setup),
         cells_(setup),
+        metal_(setup),
         width_(std::move(width)),
         depth_(std::move(depth)),
         target_(target_units(options, setup, options.age_years)),
+        simple_(setup.deepens && !setup.conversion_removes && setup.largest_bite < 1),
         may_perforate_(setup.conversion_removes || setup.largest_bite >= 1) {
     const double events = static_cast<double>(target_) / kUnitsPerThickness / setup.largest_bite;
     if (events < 1e8) {  // Also when the bite is nothing.
@@ -119,6 +125,8 @@ class EventRun {
   EventLog take_log() { return std::move(log_); }
 
  private:
+  static constexpr bool kAllAlike = std::is_same_v<Width, EvenPicker> && std::is_same_v<Depth, EvenPicker>;
+
   /// Points of which one touches another are threatened already, and lists only let go of what was picked: so
   /// the lists are filled when all points have corroded.
   void start(const std::vector<std::uint32_t>& points) {
@@ -149,66 +157,82 @@ class EventRun {
     Pick reached{};
     Pick deepened{};
     if (widens) {
-      reached = width_.pick([this](std::uint32_t cell) { cells_.fetch_for_width(cell); });
+      reached = width_.pick([this](std::uint32_t cell) {
+        cells_.fetch(cell);
+        metal_.fetch(cell);
+      });
     }
     if (deepens) {
-      deepened = depth_.pick([this](std::uint32_t cell) { fetch_for_depth(cell); });
+      deepened = depth_.pick([this](std::uint32_t cell) { metal_.fetch(cell); });
     }
     if (widens) {
       width_.remove(reached);
-      corrode(
-          reached.cell, [this](std::uint32_t cell) { width_.add(cell); },
-          [this](std::uint32_t cell) { deepen_from_now(cell); });
+      widen(reached.cell);
     }
     if (deepens && removed_ < target_) {
       log_.events.push_back(deepened.cell | EventLog::kDepth);
-      removed_ += cells_.hit(deepened.cell, setup_->bite_of(deepened.cell));
-      if (cells_.height(deepened.cell) <= 0) {
+      removed_ += metal_.hit(deepened.cell);
+      if (metal_.gone(deepened.cell)) {
         depth_.remove(deepened);
       }
     }
   }
 
+  void widen(std::uint32_t cell) {
+    if constexpr (kAllAlike) {
+      if (simple_ && !cells_.at_border(cell)) {
+        bite_for_width(cell);
+        const Around around = cells_.corrode_inside(cell);
+        width_.add_around(cell, setup_->side, around.threatened);
+        depth_.add_around(cell, setup_->side, around.enclosed);
+        return;
+      }
+    }
+    corrode(
+        cell, [this](std::uint32_t other) { width_.add(other); },
+        [this](std::uint32_t other) { deepen_from_now(other); });
+  }
+
+  void bite_for_width(std::uint32_t cell) {
+    log_.events.push_back(cell);
+    log_.lost_before_width.push_back(static_cast<float>(removed_));
+    removed_ += metal_.hit(cell);
+  }
+
   template <typename Threatened, typename Enclosed>
   void corrode(std::uint32_t cell, Threatened&& threatened, Enclosed&& enclosed) {
-    log_.events.push_back(cell);
-    log_.lost_before_width.push_back(removed_);
-    removed_ += cells_.hit(cell, setup_->bite_of(cell));
+    bite_for_width(cell);
     cells_.corrode(cell, threatened, [&](std::uint32_t other) {
       if (setup_->conversion_removes) {
-        removed_ += cells_.hit(other, setup_->bite_of(other));
+        removed_ += metal_.hit(other);
       }
       enclosed(other);
     });
   }
 
   void deepen_from_now(std::uint32_t cell) {
-    if (setup_->deepens && (!may_perforate_ || cells_.height(cell) > 0)) {
+    if (setup_->deepens && (!may_perforate_ || !metal_.gone(cell))) {
       depth_.add(cell);
-    }
-  }
-  void fetch_for_depth(std::uint32_t cell) const noexcept {
-    cells_.fetch_for_depth(cell);
-    if (setup_->bite.size() > 1) {
-      __builtin_prefetch(setup_->bite.data() + cell);
     }
   }
 
   const EventSetup* setup_;
   EventCells cells_;
+  Metal metal_;
   Width width_;
   Depth depth_;
   EventLog log_;
   std::int64_t removed_ = 0;  ///< Units.
   std::int64_t target_;
+  bool simple_;         ///< Enclosed cells deepen, whichever they are.
   bool may_perforate_;  ///< By the first bite, or by the one that its conversion takes.
 };
 
-template <typename Width, typename Depth>
+template <typename Metal, typename Width, typename Depth>
 Result<EventLog> run_events(const GrowthOptions& options, const EventSetup& setup,
                             const std::vector<std::uint32_t>& points, LateSeeds& late, Width width,
                             Depth depth, const Growth::Progress& progress, const std::stop_token& stop) {
-  EventRun<Width, Depth> run(options, setup, std::move(width), std::move(depth));
+  EventRun<Width, Depth, Metal> run(options, setup, std::move(width), std::move(depth));
   const Status status = run.run(points, late, units_of_loss(options, setup, 1), progress, stop);
   if (!status) {
     return std::unexpected(status.error());
@@ -222,7 +246,12 @@ Result<std::shared_ptr<const Growth>> grow_events(GrowthOptions options, std::ve
                                                   const Growth::Progress& progress,
                                                   const std::stop_token& stop) {
   std::vector<std::uint8_t> opening = openings_of(options);
-  const std::vector<float> susceptibility = susceptibility_of(options, opening);
+  // One value instead of a map where it is the same everywhere: nothing to fill, sum and compare.
+  const bool even =
+      opening.empty() && options.surface.values.size() == 1 && options.exposure.values.size() == 1;
+  GrowthOptions one_cell = options;
+  one_cell.side = 1;
+  const std::vector<float> susceptibility = susceptibility_of(even ? one_cell : options, opening);
   auto points = draw_starting_points(susceptibility, options.side, options.seed, options.starting_points);
   if (!points) {
     return std::unexpected(points.error());
@@ -233,16 +262,24 @@ Result<std::shared_ptr<const Growth>> grow_events(GrowthOptions options, std::ve
 
   const simulator::RandomKey width_key = key_of(options.seed, Draw::kEvents, 0);
   const simulator::RandomKey depth_key = key_of(options.seed, Draw::kEvents, 1);
-  const auto run = [&](auto width, auto depth) {
-    return run_events(options, setup, *points, late, std::move(width), std::move(depth), progress, stop);
+  const auto run = [&]<typename Metal>(auto width, auto depth) {
+    return run_events<Metal>(options, setup, *points, late, std::move(width), std::move(depth), progress,
+                             stop);
   };
-  const bool even_width = setup.width_weight.empty();
-  const bool even_depth = setup.depth_weight.empty();
-  auto log = even_width && even_depth ? run(EvenPicker(width_key), EvenPicker(depth_key))
-             : even_width ? run(EvenPicker(width_key), WeightedPicker(depth_key, setup.depth_weight))
-             : even_depth ? run(WeightedPicker(width_key, setup.width_weight), EvenPicker(depth_key))
-                          : run(WeightedPicker(width_key, setup.width_weight),
-                                WeightedPicker(depth_key, setup.depth_weight));
+  const bool all_alike = setup.width_weight.empty() && setup.depth_weight.empty();
+  auto log = all_alike && MetalHits::suits(setup)
+                 ? run.operator()<MetalHits>(EvenPicker(width_key, setup.metal_cells),
+                                             EvenPicker(depth_key, setup.metal_cells))
+             : all_alike ? run.operator()<MetalHeights>(EvenPicker(width_key, setup.metal_cells),
+                                                        EvenPicker(depth_key, setup.metal_cells))
+             : setup.width_weight.empty()
+                 ? run.operator()<MetalHeights>(EvenPicker(width_key, setup.metal_cells),
+                                                WeightedPicker(depth_key, setup.depth_weight))
+             : setup.depth_weight.empty()
+                 ? run.operator()<MetalHeights>(WeightedPicker(width_key, setup.width_weight),
+                                                EvenPicker(depth_key, setup.metal_cells))
+                 : run.operator()<MetalHeights>(WeightedPicker(width_key, setup.width_weight),
+                                                WeightedPicker(depth_key, setup.depth_weight));
   if (!log) {
     return std::unexpected(log.error());
   }

@@ -19,8 +19,8 @@ struct EventLog {
   };
 
   std::vector<std::uint32_t> events;  ///< Cell, and kDepth.
-  /// Units lost before each event of width, in order.
-  std::vector<std::int64_t> lost_before_width;
+  /// Units lost before each event of width, in order; rounded.
+  std::vector<float> lost_before_width;
   std::vector<LateSeed> late_seeds;
 };
 

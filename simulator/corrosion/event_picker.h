@@ -1,6 +1,7 @@
 // Lists of cells from which one is picked at random by weight, many times and fast.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -25,61 +26,111 @@ struct Pick {
   std::uint32_t list;
 };
 
-/// A growing and shrinking list whose slots are drawn below the next power of two: the number of a slot then
-/// depends on the list's length only where it crosses a power of two, and candidates may be drawn ahead.
-/// Candidates beyond the end are dropped; what remains is uniform over the list.
+/// A growing and shrinking list whose slots are drawn below a bound that is a little more than its length and
+/// changes only now and then: so the slots that coming random words mean are known ahead. Slots beyond the
+/// end are dropped; what remains is uniform over the list.
 class CellList {
  public:
-  CellList() : cells_(64) {}
+  /// `cells` is how long it may get.
+  explicit CellList(std::size_t cells) {
+    cells_.reserve(cells + kRoom);
+    cells_.resize(kRoom);
+  }
 
   [[nodiscard]] std::uint32_t size() const noexcept { return size_; }
-  [[nodiscard]] std::uint32_t mask() const noexcept { return mask_; }
+  [[nodiscard]] std::uint32_t bound() const noexcept { return bound_; }
   [[nodiscard]] const std::uint32_t* data() const noexcept { return cells_.data(); }
+  /// Uniform below the bound, to within bound / 2^32; may be read in data() whatever the list's length is.
+  [[nodiscard]] std::uint32_t slot(std::uint32_t word) const noexcept {
+    return static_cast<std::uint32_t>(static_cast<std::uint64_t>(word) * bound_ >> 32U);
+  }
 
   void add(std::uint32_t cell) {
-    if (size_ == cells_.size()) {
-      cells_.resize(2 * cells_.size());
-    }
+    make_room();
     cells_[size_++] = cell;
-    if (size_ - 1 > mask_) {
-      mask_ = 2 * mask_ + 1;
+    grown();
+  }
+  /// The cells of a set (Around) about `cell`.
+  void add_around(std::uint32_t cell, std::uint32_t side, std::uint32_t set) {
+    make_room();
+    // Four are written whatever their number, and the end moved by those that count: how many there are is as
+    // good as random, and a branch on it would be guessed wrong every other time.
+    std::uint32_t* end = cells_.data() + size_;
+    std::uint32_t base = cell - side - 1;
+    for (std::uint32_t row = 0; row < 3; ++row) {
+      const Columns& columns = kColumns[(set >> 3 * row) & 7U];
+      for (std::size_t i = 0; i < 4; ++i) {
+        end[i] = base + columns.offset[i];
+      }
+      end += columns.count;
+      base += side;
     }
+    size_ = static_cast<std::uint32_t>(end - cells_.data());
+    grown();
   }
   void remove(std::uint32_t slot) {
     cells_[slot] = cells_[--size_];
-    // Well below half, so that a length that wavers about a power of two does not change the mask each time.
-    if (size_ < mask_ / 8 * 3) {
-      mask_ /= 2;
+    if (size_ + 2 * step_ < bound_) {
+      set_bound();
     }
   }
 
  private:
-  std::vector<std::uint32_t> cells_;  ///< Longer than mask_: every slot may be read.
+  /// For the adds of one event.
+  static constexpr std::size_t kRoom = 16;
+  struct Columns {
+    std::uint32_t offset[4];
+    std::uint32_t count;
+  };
+  static constexpr Columns kColumns[8] = {{{0, 0, 0, 0}, 0}, {{0, 0, 0, 0}, 1}, {{1, 0, 0, 0}, 1},
+                                          {{0, 1, 0, 0}, 2}, {{2, 0, 0, 0}, 1}, {{0, 2, 0, 0}, 2},
+                                          {{1, 2, 0, 0}, 2}, {{0, 1, 2, 0}, 3}};
+
+  void make_room() {
+    if (size_ + kRoom > cells_.size()) {
+      cells_.resize(2 * cells_.size());
+    }
+  }
+  void grown() noexcept {
+    if (size_ > bound_) {
+      set_bound();
+    }
+  }
+  /// The next multiple of about a sixteenth of the length.
+  void set_bound() noexcept {
+    step_ = std::max(std::bit_floor(size_) / 16, 1U);
+    bound_ = (size_ + step_ - 1) / step_ * step_;
+  }
+
+  std::vector<std::uint32_t> cells_;  ///< Longer than the bound: every slot may be read.
   std::uint32_t size_ = 0;
-  std::uint32_t mask_ = 7;
+  std::uint32_t bound_ = 0;
+  std::uint32_t step_ = 1;
 };
 
 /// Picks among cells of one weight.
 class EvenPicker {
  public:
-  explicit EvenPicker(const simulator::RandomKey& key) : key_(key) { draw(0); }
+  EvenPicker(const simulator::RandomKey& key, std::size_t cells) : key_(key), list_(cells) { draw(0); }
 
   [[nodiscard]] bool empty() const noexcept { return list_.size() == 0; }
   void add(std::uint32_t cell) { list_.add(cell); }
+  void add_around(std::uint32_t cell, std::uint32_t side, std::uint32_t set) {
+    list_.add_around(cell, side, set);
+  }
   void remove(const Pick& pick) { list_.remove(pick.slot); }
 
   /// One of the cells, each as likely; it stays. Needs !empty(). hint(cell): this cell may be picked soon.
   template <typename Hint>
   [[nodiscard]] Pick pick(Hint&& hint) {
     const std::uint32_t* const cells = list_.data();
-    const std::uint32_t mask = list_.mask();
     for (;;) {
       if (next_ % kChunk == 0) {
         draw(next_ / kChunk + 1);
       }
-      __builtin_prefetch(cells + (word(next_ + kFetchSlotAhead) & mask));
-      hint(cells[word(next_ + kFetchCellAhead) & mask]);
-      const std::uint32_t slot = word(next_++) & mask;
+      __builtin_prefetch(cells + list_.slot(word(next_ + kFetchSlotAhead)));
+      hint(cells[list_.slot(word(next_ + kFetchCellAhead))]);
+      const std::uint32_t slot = list_.slot(word(next_++));
       if (slot < list_.size()) {
         return {cells[slot], slot, 0};
       }
@@ -173,7 +224,7 @@ class WeightedPicker {
     while (x >= shares_[list] && list > 0) {
       x -= shares_[list--];
     }
-    return {list, static_cast<std::uint32_t>(word(2)) & lists_[list].mask(),
+    return {list, lists_[list].slot(static_cast<std::uint32_t>(word(2))),
             static_cast<std::uint32_t>((word(3) * largest_[list]) >> 32U)};
   }
   void draw(std::uint64_t chunk) noexcept {
@@ -183,7 +234,7 @@ class WeightedPicker {
   void change(std::uint32_t list, Change&& apply) {
     apply(lists_[list]);
     // An empty list is not drawn at all.
-    const std::uint64_t slots = lists_[list].size() == 0 ? 0 : std::uint64_t{lists_[list].mask()} + 1;
+    const std::uint64_t slots = lists_[list].size() == 0 ? 0 : std::uint64_t{lists_[list].bound()};
     const std::uint64_t share = slots * largest_[list];
     total_ += share - shares_[list];
     shares_[list] = share;
@@ -191,9 +242,9 @@ class WeightedPicker {
 
   simulator::RandomKey key_;
   std::span<const std::uint16_t> weights_;
-  std::array<CellList, kLists> lists_;
+  std::vector<CellList> lists_;
   std::array<std::uint32_t, kLists> largest_{};  ///< Of the weights of the sheet that belong to the list.
-  std::array<std::uint64_t, kLists> shares_{};   ///< Slots below the power of two, times the largest weight.
+  std::array<std::uint64_t, kLists> shares_{};   ///< Its bound times the largest weight.
   std::uint64_t total_ = 0;
   std::uint32_t top_ = 0;  ///< The highest list that can hold a cell.
   std::size_t size_ = 0;

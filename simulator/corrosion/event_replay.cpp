@@ -14,7 +14,7 @@ constexpr std::size_t kFetchAhead = 24;
 
 EventReplay::EventReplay(const GrowthOptions& options, const EventSetup& setup, const EventLog& log,
                          std::shared_ptr<const std::vector<float>> birth_years)
-    : options_(&options), setup_(&setup), log_(&log), cells_(setup) {
+    : options_(&options), setup_(&setup), log_(&log), cells_(setup), metal_(setup) {
   sheet_.side = options.side;
   sheet_.extent_mm = options.extent_mm;
   sheet_.thickness_mm = options.thickness_mm;
@@ -36,7 +36,7 @@ void EventReplay::set(std::uint32_t cell, CellState state) noexcept {
 }
 
 void EventReplay::take(std::uint32_t cell) {
-  const std::int64_t units = cells_.hit(cell, setup_->bite_of(cell));
+  const std::int64_t units = metal_.hit(cell);
   removed_ += units;
   hits_[hit_count_++] = {cell, units};
 }
@@ -46,19 +46,19 @@ void EventReplay::apply(std::uint32_t event) {
   hit_count_ = 0;
   take(cell);
   if ((event & EventLog::kDepth) != 0) {
-    if (cells_.height(cell) <= 0) {
+    if (metal_.gone(cell)) {
       set(cell, CellState::kHole);
     }
     return;
   }
-  set(cell, cells_.height(cell) > 0 ? CellState::kSpreading : CellState::kHole);
+  set(cell, metal_.gone(cell) ? CellState::kHole : CellState::kSpreading);
   cells_.corrode(
       cell, [this](std::uint32_t other) { set(other, CellState::kThreatened); },
       [this](std::uint32_t other) {
         if (setup_->conversion_removes) {
           take(other);
         }
-        set(other, cells_.height(other) > 0 ? CellState::kDeepening : CellState::kHole);
+        set(other, metal_.gone(other) ? CellState::kHole : CellState::kDeepening);
       });
 }
 
@@ -76,10 +76,9 @@ void EventReplay::show(double age_years, const std::function<void(const Sheet&)>
   while (removed_ < target && done_ < events.size()) {
     const std::uint32_t soon = events[std::min(done_ + kFetchAhead, events.size() - 1)];
     const std::uint32_t cell = soon & ~EventLog::kDepth;
-    if ((soon & EventLog::kDepth) != 0) {
-      cells_.fetch_for_depth(cell);
-    } else {
-      cells_.fetch_for_width(cell);
+    metal_.fetch(cell);
+    if ((soon & EventLog::kDepth) == 0) {
+      cells_.fetch(cell);
       __builtin_prefetch(sheet_.state.data() + cell, 1);
     }
     apply_late_seeds();
@@ -88,11 +87,11 @@ void EventReplay::show(double age_years, const std::function<void(const Sheet&)>
 
   std::array<Hit, 10> trimmed{};
   std::int64_t excess = std::max<std::int64_t>(removed_ - target, 0);
-  sheet_.mass_loss_g_per_m2 = loss_of_units(*options_, *setup_, removed_ - excess);
+  sheet_.mass_loss_g_per_m2 = loss_of_units(*options_, *setup_, static_cast<double>(removed_ - excess));
   for (std::size_t i = hit_count_; i-- > 0 && excess > 0;) {
     trimmed[i] = {hits_[i].cell, std::min(hits_[i].units, excess)};
     excess -= trimmed[i].units;
-    cells_.give_back(trimmed[i].cell, trimmed[i].units);
+    metal_.give_back(trimmed[i].cell, trimmed[i].units);
     if (sheet_.state[trimmed[i].cell] == CellState::kHole && trimmed[i].units > 0) {
       set(trimmed[i].cell, cells_.enclosed(trimmed[i].cell) ? CellState::kDeepening : CellState::kSpreading);
     }
@@ -107,14 +106,14 @@ void EventReplay::show(double age_years, const std::function<void(const Sheet&)>
   sheet_.hole_fraction = static_cast<double>(counts_[4]) * share;
   sheet_.events = done_;
   sheet_.exhausted = removed_ < target || wanted > attainable_loss_g_per_m2(*options_, age_years);
-  std::swap(sheet_.height, cells_.heights());
+  std::swap(sheet_.height, metal_.heights());
   visit(sheet_);
-  std::swap(sheet_.height, cells_.heights());
+  std::swap(sheet_.height, metal_.heights());
 
   for (const Hit& hit : trimmed) {
     if (hit.units > 0) {
-      cells_.give_back(hit.cell, -hit.units);
-      if (cells_.height(hit.cell) <= 0) {
+      metal_.give_back(hit.cell, -hit.units);
+      if (metal_.gone(hit.cell)) {
         set(hit.cell, CellState::kHole);
       }
     }

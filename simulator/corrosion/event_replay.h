@@ -8,6 +8,7 @@
 
 #include "simulator/corrosion/event_cells.h"
 #include "simulator/corrosion/event_log.h"
+#include "simulator/corrosion/event_metal.h"
 #include "simulator/corrosion/event_setup.h"
 #include "simulator/corrosion/growth_options.h"
 #include "simulator/corrosion/sheet.h"
@@ -40,6 +41,7 @@ class EventReplay {
   const EventSetup* setup_;
   const EventLog* log_;
   EventCells cells_;
+  MetalHeights metal_;
   Sheet sheet_;
   std::size_t done_ = 0;        ///< Events.
   std::size_t late_done_ = 0;   ///< Late seeds.

@@ -52,7 +52,7 @@ EventSetup event_setup(const GrowthOptions& options, std::vector<std::uint8_t> o
   setup.opening = std::move(opening);
   setup.metal_cells = options.side * options.side -
                       static_cast<std::size_t>(std::count(setup.opening.begin(), setup.opening.end(), 1));
-  if (!susceptibility.empty()) {
+  if (susceptibility.size() > 1) {
     setup.width_weight = weights_of(susceptibility, setup.opening);
   }
   if (constant(options.material) && constant(options.exposure)) {
@@ -85,9 +85,9 @@ std::int64_t target_units(const GrowthOptions& options, const EventSetup& setup,
   return std::llround(units_of_loss(options, setup, attainable_loss_g_per_m2(options, years)));
 }
 
-double loss_of_units(const GrowthOptions& options, const EventSetup& setup, std::int64_t units) noexcept {
-  return static_cast<double>(units) / kUnitsPerThickness /
-         static_cast<double>(std::max<std::size_t>(setup.metal_cells, 1)) * metal_g_per_m2(options);
+double loss_of_units(const GrowthOptions& options, const EventSetup& setup, double units) noexcept {
+  return units / kUnitsPerThickness / static_cast<double>(std::max<std::size_t>(setup.metal_cells, 1)) *
+         metal_g_per_m2(options);
 }
 
 }  // namespace scatter::corrosion

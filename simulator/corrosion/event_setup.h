@@ -29,11 +29,10 @@ struct EventSetup {
   /// The same for being deepened.
   std::vector<std::uint16_t> depth_weight;
   bool deepens = false;  ///< Some cell has a depth weight above 0.
-
-  [[nodiscard]] float bite_of(std::uint32_t cell) const noexcept { return bite[bite.size() == 1 ? 0 : cell]; }
 };
 
-/// From settled options; `susceptibility` as susceptibility_of() gives it.
+/// From settled options; `susceptibility` as susceptibility_of() gives it, or one value where it is the same
+/// everywhere.
 [[nodiscard]] EventSetup event_setup(const GrowthOptions& options, std::vector<std::uint8_t> opening,
                                      const std::vector<float>& susceptibility);
 
@@ -44,6 +43,6 @@ struct EventSetup {
 [[nodiscard]] std::int64_t target_units(const GrowthOptions& options, const EventSetup& setup,
                                         double years) noexcept;
 [[nodiscard]] double loss_of_units(const GrowthOptions& options, const EventSetup& setup,
-                                   std::int64_t units) noexcept;
+                                   double units) noexcept;
 
 }  // namespace scatter::corrosion

@@ -10,8 +10,12 @@
 
 namespace scatter::corrosion {
 
-Places::Places(std::span<const float> weights, std::size_t side)
-    : weights_(weights), side_(side), rows_(side) {
+Places::Places(std::span<const float> weights, std::size_t side) : weights_(weights), side_(side) {
+  if (weights.size() == 1) {
+    count_ = weights[0] > 0 ? side * side : 0;
+    return;
+  }
+  rows_.resize(side);
   double sum = 0;
   for (std::size_t y = 0; y < side; ++y) {
     double row = 0;
@@ -25,6 +29,11 @@ Places::Places(std::span<const float> weights, std::size_t side)
 }
 
 std::uint32_t Places::at(double u, double v) const noexcept {
+  if (rows_.empty()) {
+    const auto cells = static_cast<double>(side_);
+    return static_cast<std::uint32_t>(v * cells) * static_cast<std::uint32_t>(side_) +
+           static_cast<std::uint32_t>(u * cells);
+  }
   const auto found = std::upper_bound(rows_.begin(), rows_.end(), v * rows_.back());
   // Rounding may put v * sum at the sum itself; then it is the last row that has a weight.
   const auto row = found != rows_.end() ? found : std::lower_bound(rows_.begin(), rows_.end(), rows_.back());
@@ -65,12 +74,16 @@ Result<std::vector<std::uint32_t>> draw_starting_points(std::span<const float> w
   }
   std::vector<std::uint32_t> points;
   points.reserve(count);
-  std::vector<bool> taken(weights.size());
+  std::vector<bool> taken(side * side);
   for (std::uint32_t k = 0; k < count; ++k) {
     const simulator::RandomKey key = key_of(seed, Draw::kStartingPoint, k);
     for (std::uint32_t attempt = 0;; ++attempt) {
       if (attempt == kAttemptsBeforeSummingAgain) {
-        reduced.assign(weights.begin(), weights.end());
+        if (weights.size() == 1) {
+          reduced.assign(side * side, weights[0]);
+        } else {
+          reduced.assign(weights.begin(), weights.end());
+        }
         for (const std::uint32_t point : points) {
           reduced[point] = 0;
         }

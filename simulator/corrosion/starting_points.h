@@ -19,12 +19,13 @@ namespace scatter::corrosion {
 /// Threads const functions from any number of threads.
 class Places {
  public:
-  /// `weights` (>= 0, finite, row major, side * side of them) is kept and must outlive this.
+  /// `weights` (>= 0, finite, row major; one value is that of all cells) is kept and must outlive this.
   Places(std::span<const float> weights, std::size_t side);
 
   /// Cells of weight above 0.
   [[nodiscard]] std::size_t count() const noexcept { return count_; }
-  /// The cell at u, v in [0, 1): v picks the row, u the column. Needs count() > 0. Cost: O(side).
+  /// The cell at u, v in [0, 1): v picks the row, u the column. Needs count() > 0. Cost: O(side), O(1) where
+  /// all cells are alike.
   [[nodiscard]] std::uint32_t at(double u, double v) const noexcept;
 
  private:
@@ -34,9 +35,9 @@ class Places {
   std::vector<double> rows_;  ///< Running sums of the rows' sums.
 };
 
-/// `count` different cells, point k at the same place on every grid unless its cell was taken: then it is
-/// drawn again. Numbers are keyed by (seed, k, attempt), so more points leave the first ones where they were.
-/// Errors  kInvalidArgument names starting_points when fewer cells have a weight.
+/// `count` different cells (`weights` as in Places), point k at the same place on every grid unless its cell
+/// was taken: then it is drawn again. Numbers are keyed by (seed, k, attempt), so more points leave the first
+/// ones where they were. Errors  kInvalidArgument names starting_points when fewer cells have a weight.
 [[nodiscard]] Result<std::vector<std::uint32_t>> draw_starting_points(std::span<const float> weights,
                                                                       std::size_t side, std::uint64_t seed,
                                                                       std::uint32_t count);
