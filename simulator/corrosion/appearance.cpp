@@ -55,7 +55,7 @@ Status check_falling(const AppearanceOptions& options) {
     return fail(ErrorCode::kInvalidArgument,
                 fmt::format("layer depths are {}, {}, {} um, expected falling ones >= 0 for layers 0, 1, 2",
                             depths[0], depths[1], depths[2]),
-                "give the deepest layer first, for example 600,150,5");
+                "give the deepest layer first, for example 700,180,5");
   }
   const auto& limits = options.layer_limits;
   if (!(limits[0] >= 0 && limits[1] > limits[0] && limits[2] > limits[1] && limits[3] > limits[2] &&

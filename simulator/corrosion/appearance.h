@@ -43,11 +43,11 @@ struct AppearanceOptions {
   /// estimates (dark, magnetite-rich; red-brown; light orange, lepidocrocite-rich), layer 3 is iron at normal
   /// incidence (Johnson and Christy 1974).
   std::array<ColourMap, 4> layers{
-      ColourMap{1, 1, {Rgb{0.08F, 0.05F, 0.04F}}}, ColourMap{1, 1, {Rgb{0.20F, 0.09F, 0.05F}}},
-      ColourMap{1, 1, {Rgb{0.30F, 0.13F, 0.05F}}}, ColourMap{1, 1, {Rgb{0.529F, 0.511F, 0.500F}}}};
+      ColourMap{1, 1, {Rgb{0.08F, 0.048F, 0.036F}}}, ColourMap{1, 1, {Rgb{0.20F, 0.08F, 0.038F}}},
+      ColourMap{1, 1, {Rgb{0.34F, 0.13F, 0.04F}}}, ColourMap{1, 1, {Rgb{0.529F, 0.511F, 0.500F}}}};
   /// kByState: depth of lost metal [um] at which layers 0, 1 and 2 are reached, falling; mixed in proportion
   /// between. Estimates: they look right, nothing more is known.
-  std::array<float, 3> layer_depths_um{600.0F, 150.0F, 5.0F};
+  std::array<float, 3> layer_depths_um{700.0F, 180.0F, 5.0F};
   /// kByHeight: share of the thickness left at which layers 0 to 3 are reached, rising; mixed in proportion
   /// between.
   std::array<float, 4> layer_limits{0.0F, 1.0F / 3, 2.0F / 3, 1.0F};

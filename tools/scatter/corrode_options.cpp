@@ -167,7 +167,7 @@ void add_look_options(CLI::App& app, CorrodeOptions& options) {
   app.add_option("--layer-depths", options.layer_depths_um, "Depth at which layers 0, 1, 2 are reached [um]")
       ->delimiter(',')
       ->expected(3)
-      ->default_str("600,150,5")
+      ->default_str("700,180,5")
       ->group(kGroup);
   app.add_option("--layer-limits", options.layer_limits,
                  "With --look height: share of thickness left at layers 0, 1, 2, 3")

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <span>
 
 namespace scatter::cli {
@@ -18,9 +19,9 @@ using images::Image;
 
 // Towards the sun: from the upper left, 42 degrees above the sheet.
 constexpr std::array<float, 3> kSun{-0.50F, 0.55F, 0.67F};
-constexpr float kSunLight = 1.5F;
-constexpr float kSkyLight = 0.55F;
-constexpr float kMirroredSky = 0.95F;
+constexpr float kSunLight = 1.15F;
+constexpr float kSkyLight = 0.42F;
+constexpr float kMirroredSky = 0.85F;
 constexpr int kLongestShadow = 64;  // cells
 constexpr float kHoleLight = 0.012F;
 
@@ -92,6 +93,24 @@ float dot(const std::array<float, 3>& a, const std::array<float, 3>& b) noexcept
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+/// The grain of brushed metal, for the eye only: brightness along rows, the same for every sheet of that
+/// side, without a seam. Mean 1.
+float brushed(std::size_t x, std::size_t y, std::size_t side) noexcept {
+  constexpr std::uint32_t kKnots = 16;  // along a row
+  constexpr float kContrast = 0.10F;
+  const auto random = [y](std::uint32_t knot) {
+    // Murmur3's finisher over row and knot: any hash that mixes well.
+    std::uint32_t h = static_cast<std::uint32_t>(y) * 0x9E3779B1U + (knot % kKnots) * 0x85EBCA77U;
+    h = (h ^ h >> 16U) * 0x85EBCA6BU;
+    h = (h ^ h >> 13U) * 0xC2B2AE35U;
+    return static_cast<float>((h ^ h >> 16U) >> 8U) * 0x1p-24F - 0.5F;
+  };
+  const float at = static_cast<float>(x) * static_cast<float>(kKnots) / static_cast<float>(side);
+  const auto knot = static_cast<std::uint32_t>(at);
+  const float share = at - static_cast<float>(knot);
+  return 1 + kContrast * (random(knot) * (1 - share) + random(knot + 1) * share);
+}
+
 /// Light that metal mirrors upwards: the sky, darker towards the horizon, and the sun's blurred image.
 float mirrored(const std::array<float, 3>& normal, float alpha, float sun, float sky) noexcept {
   const float up = 2 * normal[2] * normal[2] - 1;  // z of the mirrored direction
@@ -101,7 +120,7 @@ float mirrored(const std::array<float, 3>& normal, float alpha, float sun, float
   const float cosine = dot(sum, normal) / length;
   const float spread = cosine * cosine * (alpha * alpha - 1) + 1;
   const float lobe = cosine > 0 ? alpha * alpha / (3.14159F * spread * spread) : 0;
-  return kMirroredSky * sky * horizon * horizon + std::min(0.4F * lobe * sun, 2.0F);
+  return kMirroredSky * sky * horizon * horizon + std::min(0.4F * lobe * sun, 0.25F);
 }
 
 Rgb lit(const Sheet& sheet, const Appearance& look, std::size_t x, std::size_t y, float sky) {
@@ -113,7 +132,7 @@ Rgb lit(const Sheet& sheet, const Appearance& look, std::size_t x, std::size_t y
   const float sun = sunlit(sheet, x, y);
   float light = 0;
   if (look.regime[n] == Regime::kMetal) {
-    light = mirrored(normal, look.roughness[n], sun, sky);
+    light = mirrored(normal, look.roughness[n], sun, sky) * brushed(x, y, sheet.side);
   } else {
     light = kSunLight * sun * std::max(0.0F, dot(normal, kSun)) + kSkyLight * sky * (0.5F + 0.5F * normal[2]);
   }
@@ -135,7 +154,7 @@ Image sky_share(const Sheet& sheet) {
     const int most = std::max(1, static_cast<int>(sheet.side / 4));
     const int radius = std::clamp(static_cast<int>(std::lround(distance_mm / cell_mm)), 1, most);
     const std::vector<float> mean = box_mean(sheet.height, radius, sheet);
-    const float scale = thickness / (0.5F * static_cast<float>(radius) * cell_mm);
+    const float scale = thickness / (static_cast<float>(radius) * cell_mm);
     for (std::size_t n = 0; n < mean.size(); ++n) {
       // A hollow of this slope all round sees the cosine squared of it.
       const float slope = std::max(0.0F, mean[n] - sheet.height[n]) * scale;

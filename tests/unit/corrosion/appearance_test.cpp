@@ -172,17 +172,17 @@ TEST_CASE("Layers are reached at their depths and limits, with colours mixed in 
     return colour(options, 0, 0, height, depth_um, rust)[0];
   };
   CHECK(red(1, 0, 0) == 0.529F);
-  CHECK(red(1, 5, 1) == 0.30F);
-  CHECK(red(1, 0, 1) == 0.30F);
-  CHECK(red(1, 150, 1) == 0.20F);
-  CHECK(red(1, 77.5F, 1) == Approx(0.25F));
-  CHECK(red(1, 600, 1) == 0.08F);
+  CHECK(red(1, 5, 1) == 0.34F);
+  CHECK(red(1, 0, 1) == 0.34F);
+  CHECK(red(1, 180, 1) == 0.20F);
+  CHECK(red(1, 92.5F, 1) == Approx(0.27F));
+  CHECK(red(1, 700, 1) == 0.08F);
   CHECK(red(1, 5000, 1) == 0.08F);
-  CHECK(red(1, 5, 0.5F) == Approx(0.5 * (0.30 + 0.529)));
+  CHECK(red(1, 5, 0.5F) == Approx(0.5 * (0.34 + 0.529)));
   options.rule = LookRule::kByHeight;
   CHECK(red(1, 0, 0) == 0.529F);
-  CHECK(red(2.0F / 3, 0, 0) == Approx(0.30F));
-  CHECK(red(0.5F, 0, 0) == Approx(0.25F));
+  CHECK(red(2.0F / 3, 0, 0) == Approx(0.34F));
+  CHECK(red(0.5F, 0, 0) == Approx(0.27F));
   CHECK(red(0, 0, 0) == 0.08F);
 }
 
