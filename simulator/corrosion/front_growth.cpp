@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <queue>
 #include <utility>
 
@@ -40,6 +41,18 @@ class FrontGrowth final : public Growth {
         history_(std::move(history)),
         birth_years_(find_birth_years()) {}
 
+  [[nodiscard]] FrontView view() const noexcept {
+    return {.skin = history_.law.skin,
+            .skin_width_mm = history_.law.width,
+            .births_mm = history_.births,
+            .rates = history_.rates,
+            .opening = opening_};
+  }
+  /// Tau at which each age's attainable loss is reached; `losses` receives those losses, as shares of the
+  /// metal.
+  [[nodiscard]] std::vector<double> taus(std::span<const double> ages_years,
+                                         std::vector<double>& losses) const;
+
  protected:
   void replay(std::span<const double> ages_years,
               const std::function<void(const Sheet&)>& visit) const override;
@@ -74,14 +87,27 @@ std::shared_ptr<const std::vector<float>> FrontGrowth::find_birth_years() const 
   return years;
 }
 
+std::vector<double> FrontGrowth::taus(std::span<const double> ages_years, std::vector<double>& losses) const {
+  const double metal = metal_g_per_m2(options());
+  losses.clear();
+  for (const double age : ages_years) {
+    losses.push_back(attainable_loss_g_per_m2(options(), age) / metal);
+  }
+  std::vector<double> found = history_.clock.solve(losses, history_.births, history_.rates);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (!(losses[i] > 0)) {
+      // Before the first age nothing is corroded, not even the starting points.
+      found[i] = -1;
+    }
+  }
+  return found;
+}
+
 void FrontGrowth::replay(std::span<const double> ages_years,
                          const std::function<void(const Sheet&)>& visit) const {
   const double metal = metal_g_per_m2(options());
   std::vector<double> losses;
-  for (const double age : ages_years) {
-    losses.push_back(attainable_loss_g_per_m2(options(), age) / metal);
-  }
-  const std::vector<double> taus = history_.clock.solve(losses, history_.births, history_.rates);
+  const std::vector<double> reached = taus(ages_years, losses);
 
   FrontReplay show({.law = history_.law,
                     .births = history_.births,
@@ -90,8 +116,7 @@ void FrontGrowth::replay(std::span<const double> ages_years,
                     .late = history_.late},
                    options(), birth_years_);
   for (std::size_t i = 0; i < ages_years.size(); ++i) {
-    // Before the first age nothing is corroded, not even the starting points.
-    Sheet& sheet = show.show(losses[i] > 0 ? taus[i] : -1);
+    Sheet& sheet = show.show(reached[i]);
     sheet.age_years = ages_years[i];
     sheet.target_g_per_m2 = mass_loss_g_per_m2(options().corrosivity, options().law, ages_years[i]);
     sheet.exhausted = losses[i] * metal < sheet.target_g_per_m2 * (1 - 1e-12) ||
@@ -226,6 +251,17 @@ Result<std::shared_ptr<const Growth>> grow_front(GrowthOptions options, std::vec
     progress(1);
   }
   return std::make_shared<FrontGrowth>(std::move(options), std::move(notes), std::move(history));
+}
+
+std::optional<FrontView> front_of(const Growth& growth) noexcept {
+  const auto* front = dynamic_cast<const FrontGrowth*>(&growth);
+  return front == nullptr ? std::nullopt : std::optional(front->view());
+}
+
+std::vector<double> front_clock_mm(const Growth& growth, std::span<const double> ages_years) {
+  const auto* front = dynamic_cast<const FrontGrowth*>(&growth);
+  std::vector<double> losses;
+  return front == nullptr ? std::vector<double>{} : front->taus(ages_years, losses);
 }
 
 }  // namespace scatter::corrosion
