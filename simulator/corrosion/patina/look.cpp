@@ -11,6 +11,9 @@
 namespace scatter::corrosion {
 namespace {
 
+/// Below this the layers keep so little that nothing is left to share out.
+constexpr double kBareLayerShare = 1e-6;
+
 /// One cell: what the layers do to light, and who shows.
 struct CellLook {
   std::array<double, 3> reflectance{};  ///< Layers over metal.
@@ -94,12 +97,13 @@ Appearance appearance(const LayerStack& stack, const PatinaLookOptions& options)
     const double layer_share = 1 - look.metalness;
     for (std::size_t c = 0; c < 3; ++c) {
       const double metal = options.metal[c];
-      const double albedo =
-          layer_share > 1e-6 ? (look.reflectance[c] - look.metalness * metal) / layer_share : metal;
+      const double albedo = layer_share > kBareLayerShare
+                                ? (look.reflectance[c] - look.metalness * metal) / layer_share
+                                : metal;
       maps.albedo[i][c] = static_cast<float>(std::clamp(albedo, 0.0, 1.0));
     }
     maps.metalness[i] = static_cast<float>(look.metalness);
-    maps.regime[i] = look.metalness >= 0.5 ? Regime::kMetal : Regime::kRust;
+    maps.regime[i] = layer_share > kBareLayerShare ? Regime::kRust : Regime::kMetal;
     double roughness = look.bare * options.metal_roughness;
     double porosity = 0;
     for (const PatinaMaterial material : kPatinaMaterials) {

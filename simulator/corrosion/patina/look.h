@@ -25,8 +25,9 @@ struct PatinaLookOptions {
 /// copper. albedo      Kubelka-Munk reflectance of layers over metal, less what the metal's share already
 /// sends back:
 ///             metalness metal + (1 - metalness) albedo is the whole reflectance R where that leaves 0..1.
-///             Where metalness is above 1 - 1e-6: the metal's reflectance.
-/// regime      kMetal where metalness is at least a half, else kRust (a diffuse layer); never kHole.
+/// regime      kMetal where bare (metalness above 1 - 1e-6; albedo is the metal's reflectance there), kRust,
+/// a diffuse
+///             layer, wherever something lies on the metal, however thin; never kHole.
 /// roughness   GGX alpha: the metal's and the layers' by their shares; an estimate, as are the layers'.
 /// porosity    the layers' by their shares.
 /// normal      of the surface's profile by central differences.

@@ -81,15 +81,16 @@ TEST_CASE("Metal's share and the layers' share together send back what Kubelka a
   }
 }
 
-TEST_CASE("Thin tarnish is metal still, thicker tarnish is not; metalness falls all the way") {
+TEST_CASE("Metalness falls all the way from bare copper to what hides it; whatever lies on it is a layer") {
   double last = 1;
   for (const float um : {0.02F, 0.1F, 0.3F, 0.8F, 2.0F}) {
     const Appearance look = appearance(stack_of(um, 0));
     CHECK(look.metalness[0] < last);
     last = look.metalness[0];
   }
-  CHECK(appearance(stack_of(0.05F, 0)).regime[0] == Regime::kMetal);
-  CHECK(appearance(stack_of(0.8F, 0)).regime[0] == Regime::kRust);
+  CHECK(last < 0.01);
+  CHECK(appearance(stack_of(0.02F, 0)).regime[0] == Regime::kRust);
+  CHECK(appearance(stack_of(1e-9F, 0)).regime[0] == Regime::kMetal);
 }
 
 TEST_CASE("Shares of what shows add up to one") {
