@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <limits>
-#include <map>
 
 #include "tools/scatter/corrode_maps.h"
 
@@ -222,12 +220,12 @@ void add_options(CLI::App& app, CorrodeOptions& options) {
       ->check(one_of(corrosion::law_named, ""))
       ->capture_default_str();
   app.add_option("--starting-points", growth.starting_points, "Where rust begins, at least 1")
-      ->check(CLI::Range(1.0, 268435456.0))
+      ->check(CLI::Range(1, 268435456))
       ->capture_default_str();
   app.add_option("--late-points", options.late_points,
                  "More of them per 1000 g/m^2 lost [as many as starting points]");
   app.add_option("--size", growth.side, "Cells along each side, 8..16384")
-      ->check(CLI::Range(8.0, 16384.0))
+      ->check(CLI::Range(8, 16384))
       ->capture_default_str();
   app.add_option("--extent-mm", growth.extent_mm, "Length of each side [mm]")->capture_default_str();
   app.add_option("--thickness-mm", growth.thickness_mm, "Of the sheet [mm]")->capture_default_str();

@@ -24,8 +24,13 @@ Result<WholeFolder> WholeFolder::make(const fs::path& wanted) {
   // Inside the wanted folder when that is there: its parent may be closed to us, or another disk.
   fs::path place =
       (there ? folder : parent) / fmt::format(".{}.{}.partial", folder.filename().string(), ::getpid());
-  if (const auto ready = prepare_folder(place); !ready) {
-    return std::unexpected(ready.error());
+  if (auto ready = prepare_folder(place); !ready) {
+    Error problem = std::move(ready.error());
+    // The person knows the folder by its own name.
+    if (const auto at = problem.what.find(place.string()); at != std::string::npos) {
+      problem.what.replace(at, place.string().size(), folder.string());
+    }
+    return std::unexpected(std::move(problem));
   }
   return WholeFolder(folder, std::move(place));
 }

@@ -22,7 +22,7 @@ void check_refused(const Finished& run, int status) {
 
 const std::vector<std::string> kVerbs = {"list",    "info",    "calibrate", "measure", "record",
                                          "process", "inspect", "convert",   "merge",   "atlas",
-                                         "compare", "fit",     "plot",      "simulate"};
+                                         "compare", "corrode", "fit",       "plot",    "simulate"};
 
 }  // namespace
 
