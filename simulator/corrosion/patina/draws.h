@@ -11,6 +11,7 @@ namespace scatter::corrosion {
 enum class PatinaDraw : std::uint8_t {
   kSeedField = 1,  ///< `first` = scale, `second` = square of its lattice.
   kFalling = 2,    ///< `first` = 0, `second` = step of the calendar.
+  kScript = 3,     ///< `first` = 0, `second` = step of the script.
 };
 
 [[nodiscard]] constexpr simulator::RandomKey patina_key(std::uint64_t seed, PatinaDraw draw,
