@@ -80,8 +80,9 @@ class EventRun {
         target_(target_units(options, setup, options.age_years)),
         simple_(setup.deepens && !setup.conversion_removes && setup.largest_bite < 1),
         may_perforate_(setup.conversion_removes || setup.largest_bite >= 1) {
-    const double events = static_cast<double>(target_) / kUnitsPerThickness / setup.largest_bite;
-    if (events < 1e8) {  // Also when the bite is nothing.
+    const double events =
+        static_cast<double>(target_) / kUnitsPerThickness / static_cast<double>(setup.largest_bite);
+    if (events >= 0 && events < 1e8) {  // Not when the bite is nothing.
       log_.events.reserve(static_cast<std::size_t>(events) + 1024);
       log_.lost_before_width.reserve(static_cast<std::size_t>(events / 2) + 1024);
     }

@@ -32,9 +32,10 @@ std::vector<std::uint16_t> weights_of(const std::vector<float>& values,
   return result;
 }
 
-float bite_units(double bite, float structure) {
-  const double units = std::round(bite * 2 * static_cast<double>(structure) * kUnitsPerThickness);
-  return static_cast<float>(std::min(units, kUnitsPerThickness) / kUnitsPerThickness);
+/// Rounded up to whole units: n hits of an n-th of the thickness leave nothing, not a unit for one more hit.
+float whole_bite(double bite, float structure) {
+  const double units = std::ceil(bite * 2 * static_cast<double>(structure) * kUnitsPerThickness - 1e-6);
+  return static_cast<float>(std::clamp(units, 0.0, kUnitsPerThickness) / kUnitsPerThickness);
 }
 
 bool constant(const Map& map) {
@@ -57,14 +58,14 @@ EventSetup event_setup(const GrowthOptions& options, std::vector<std::uint8_t> o
   }
   if (constant(options.material) && constant(options.exposure)) {
     const float structure = 1 - options.material.values[0];
-    setup.bite = {bite_units(options.events.bite, structure)};
+    setup.bite = {whole_bite(options.events.bite, structure)};
     setup.deepens = structure * options.exposure.values[0] > 0;
   } else {
     std::vector<float> structure = on_grid(options.material, options.side);
     setup.bite.resize(structure.size());
     for (std::size_t i = 0; i < structure.size(); ++i) {
       structure[i] = 1 - structure[i];
-      setup.bite[i] = bite_units(options.events.bite, structure[i]);
+      setup.bite[i] = whole_bite(options.events.bite, structure[i]);
     }
     const std::vector<float> exposure = on_grid(options.exposure, options.side);
     for (std::size_t i = 0; i < structure.size(); ++i) {
