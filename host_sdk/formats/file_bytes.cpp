@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -33,9 +34,13 @@ std::unexpected<Error> stream_error(const fs::path& path, std::string_view actio
   return cannot(ErrorCode::kResourceExhausted, path, what, "free space on the disk or choose another folder");
 }
 
-}  // namespace
+struct OpenFile {
+  std::ifstream stream;
+  std::size_t size = 0;
+};
 
-Result<std::string> read_file(const fs::path& path) {
+/// Without a buffer: what is read goes to where it is wanted.
+Result<OpenFile> open_file(const fs::path& path) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
   if (status.type() == fs::file_type::not_found) {
@@ -56,22 +61,65 @@ Result<std::string> read_file(const fs::path& path) {
     return cannot(ErrorCode::kResourceExhausted, path, fmt::format("has {} bytes, the limit is 4 GiB", size),
                   "split the file");
   }
+  OpenFile file;
+  file.size = static_cast<std::size_t>(size);
   errno = 0;
-  std::ifstream in(path, std::ios::binary);
-  if (!in) {
+  file.stream.rdbuf()->pubsetbuf(nullptr, 0);
+  file.stream.open(path, std::ios::binary);
+  if (!file.stream) {
     return stream_error(path, "open it");
   }
-  std::string bytes;
-  // No zeros first: the memory is as large as the file.
-  bytes.resize_and_overwrite(static_cast<std::size_t>(size), [&in](char* to, std::size_t count) {
-    in.read(to, static_cast<std::streamsize>(count));
-    return static_cast<std::size_t>(in.gcount());
-  });
-  if (in.gcount() != static_cast<std::streamsize>(size)) {
-    return cannot(ErrorCode::kDataLoss, path, fmt::format("gave {} of {} bytes", in.gcount(), size),
+  return file;
+}
+
+Status read_all(const fs::path& path, OpenFile& file, char* to) {
+  file.stream.read(to, static_cast<std::streamsize>(file.size));
+  if (file.stream.gcount() != static_cast<std::streamsize>(file.size)) {
+    return cannot(ErrorCode::kDataLoss, path,
+                  fmt::format("gave {} of {} bytes", file.stream.gcount(), file.size),
                   "check that nothing else writes the file");
   }
+  return {};
+}
+
+}  // namespace
+
+Result<std::string> read_file(const fs::path& path) {
+  auto file = open_file(path);
+  if (!file) {
+    return std::unexpected(file.error());
+  }
+  std::string bytes;
+  Status status;
+  // No zeros first: the memory is as large as the file.
+  bytes.resize_and_overwrite(file->size, [&](char* to, std::size_t count) {
+    status = read_all(path, *file, to);
+    return status ? count : 0;
+  });
+  if (!status) {
+    return std::unexpected(status.error());
+  }
   return bytes;
+}
+
+FileBlock::FileBlock(std::size_t size)
+    : floats_(std::make_shared_for_overwrite<float[]>((size + sizeof(float) - 1) / sizeof(float))),
+      size_(size) {}
+
+FileBlock::FileBlock(std::string_view bytes) : FileBlock(bytes.size()) {
+  std::ranges::copy(bytes, data());
+}
+
+Result<FileBlock> read_file_block(const fs::path& path) {
+  auto file = open_file(path);
+  if (!file) {
+    return std::unexpected(file.error());
+  }
+  FileBlock block(file->size);
+  if (Status status = read_all(path, *file, block.data()); !status) {
+    return std::unexpected(status.error());
+  }
+  return block;
 }
 
 Status write_file(const fs::path& path, std::string_view bytes) {

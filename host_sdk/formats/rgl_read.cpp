@@ -24,8 +24,9 @@ static_assert(std::endian::native == std::endian::little, "the floats of the fil
 /// Fields by name, with what a BRDF expects of them.
 class Fields {
  public:
-  Fields(std::vector<TensorField> fields, std::string_view file_name)
-      : fields_(std::move(fields)), file_name_(file_name) {}
+  /// The fields' data point into `file`.
+  Fields(std::vector<TensorField> fields, FileBlock file, std::string_view file_name)
+      : fields_(std::move(fields)), file_(std::move(file)), file_name_(file_name) {}
 
   [[nodiscard]] const std::vector<TensorField>& all() const { return fields_; }
 
@@ -77,7 +78,7 @@ class Fields {
       return std::unexpected(field.error());
     }
     const auto& sizes = (*field)->shape;
-    return BilinearTables{sizes[sizes.size() - 1], sizes[sizes.size() - 2], floats(**field)};
+    return BilinearTables{sizes[sizes.size() - 1], sizes[sizes.size() - 2], shared_floats(**field)};
   }
 
  private:
@@ -87,31 +88,42 @@ class Fields {
     return values;
   }
 
+  /// Where they stand in the file, if they stand as floats do.
+  [[nodiscard]] reflectance::SharedFloats shared_floats(const TensorField& field) const {
+    if (field.offset % sizeof(float) != 0) {
+      return floats(field);
+    }
+    return {file_.floats(),
+            {file_.floats().get() + field.offset / sizeof(float), field.data.size() / sizeof(float)}};
+  }
+
   std::vector<TensorField> fields_;
+  FileBlock file_;
   std::string_view file_name_;
 };
 
 /// One bit per node, the first in the highest bit; nothing when the field is not of that size.
 std::vector<std::uint8_t> unpack_bits(std::string_view bytes, std::size_t count) {
-  std::vector<std::uint8_t> bits;
   if (bytes.size() != (count + 7) / 8) {
-    return bits;
+    return {};
   }
-  bits.reserve(count);
-  for (std::size_t k = 0; k < count; ++k) {
-    bits.push_back(static_cast<std::uint8_t>(static_cast<unsigned char>(bytes[k / 8]) >> (7 - k % 8) & 1));
+  std::vector<std::uint8_t> bits(bytes.size() * 8);
+  std::uint8_t* out = bits.data();
+  for (const char byte : bytes) {
+    for (unsigned bit = 8; bit-- > 0;) {
+      *out++ = static_cast<std::uint8_t>(static_cast<unsigned char>(byte) >> bit & 1U);
+    }
   }
+  bits.resize(count);
   return bits;
 }
 
-}  // namespace
-
-Result<AdaptiveBrdf> decode_rgl(std::string_view bytes, std::string_view name) {
-  auto decoded = decode_tensor_file(bytes, name);
+Result<AdaptiveBrdf> decode(FileBlock file, std::string_view name) {
+  auto decoded = decode_tensor_file(file.bytes(), name);
   if (!decoded) {
     return std::unexpected(decoded.error());
   }
-  const Fields fields(std::move(*decoded), name);
+  const Fields fields(std::move(*decoded), std::move(file), name);
   AdaptiveBrdf::Content content;
   std::optional<Error> failed;
   const auto keep = [&failed](auto result, auto& out) {
@@ -168,12 +180,15 @@ Result<AdaptiveBrdf> decode_rgl(std::string_view bytes, std::string_view name) {
   return brdf;
 }
 
+}  // namespace
+
+Result<AdaptiveBrdf> decode_rgl(std::string_view bytes, std::string_view name) {
+  return decode(FileBlock(bytes), name);
+}
+
 Result<AdaptiveBrdf> read_rgl(const std::filesystem::path& path) {
-  const auto bytes = read_file(path);
-  if (!bytes) {
-    return std::unexpected(bytes.error());
-  }
-  return decode_rgl(*bytes, path.string());
+  auto file = read_file_block(path);
+  return file ? decode(std::move(*file), path.string()) : std::unexpected(file.error());
 }
 
 }  // namespace scatter::formats

@@ -19,7 +19,7 @@ constexpr std::size_t kRgb = 3;
 /// Keys of metadata end up in names of fields.
 constexpr std::size_t kLongestKey = 200;
 
-std::string_view bytes_of(const std::vector<float>& values) {
+std::string_view bytes_of(std::span<const float> values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)};
 }
 
@@ -79,9 +79,9 @@ Result<std::string> encode(const AdaptiveBrdf& brdf) {
       described == content.metadata.end() ? "measured material" : described->second;
   const std::uint64_t phis = content.phi_i.size();
   const std::uint64_t thetas = content.theta_i.size();
-  const auto table = [](std::string name, std::vector<std::uint64_t> shape,
-                        const std::vector<float>& values) {
-    return TensorField{std::move(name), TensorType::kF32, std::move(shape), 0, bytes_of(values)};
+  const auto table = [](std::string name, std::vector<std::uint64_t> shape, const auto& values) {
+    return TensorField{std::move(name), TensorType::kF32, std::move(shape), 0,
+                       bytes_of({values.data(), values.size()})};
   };
   const auto text = [](std::string name, const std::string& value) {
     return TensorField{std::move(name), TensorType::kU8, {value.size()}, 0, value};

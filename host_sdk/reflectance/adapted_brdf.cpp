@@ -233,23 +233,28 @@ Result<AdaptiveBrdf> adapt(const Brdf& brdf, const AdaptOptions& options) {
   content.ndf = normals->ndf;
   content.sigma = normals->sigma;
   const std::size_t slices = azimuths * theta_i.size();
-  content.vndf = {normals_side, normals_side, std::vector<float>(slices * normals_side * normals_side)};
+  std::vector<float> visible(slices * normals_side * normals_side);
   const auto incidence = [&](std::size_t slice) {
     return from_spherical(static_cast<double>(content.theta_i[slice % theta_i.size()]),
                           static_cast<double>(content.phi_i[slice / theta_i.size()]));
   };
   for (std::size_t s = 0; s < slices; ++s) {
-    fill_vndf(*normals, incidence(s), normals_side,
-              content.vndf.values.data() + s * normals_side * normals_side);
+    fill_vndf(*normals, incidence(s), normals_side, visible.data() + s * normals_side * normals_side);
   }
-  const BilinearWarp vndf(content.vndf);
+  content.vndf = {normals_side, normals_side, std::move(visible)};
+  const auto vndf = BilinearWarp::make(content.vndf);
+  if (!vndf) {
+    return std::unexpected(vndf.error());
+  }
   const std::size_t nodes = side * side;
   const std::size_t channels = content.channels;
-  content.luminance = {side, side, std::vector<float>(slices * nodes)};
-  content.spectra = {side, side, std::vector<float>(slices * nodes * channels)};
+  content.luminance = {side, side, {}};
+  content.spectra = {side, side, {}};
+  std::vector<float> luminance(slices * nodes);
+  std::vector<float> spectra(slices * nodes * channels);
   content.valid.assign(slices * nodes, 0);
   for (std::size_t s = 0; s < slices; ++s) {
-    Slice slice = evaluate(brdf, content, vndf, s, incidence(s));
+    Slice slice = evaluate(brdf, content, *vndf, s, incidence(s));
     for (std::size_t n = 0; n < nodes; ++n) {
       content.valid[s * nodes + n] = std::isnan(slice.f[n]) ? 0 : 1;
     }
@@ -263,12 +268,14 @@ Result<AdaptiveBrdf> adapt(const Brdf& brdf, const AdaptOptions& options) {
       }
       for (std::size_t n = 0; n < nodes; ++n) {
         const double stored = slice.factor[n] > 0 ? f[n] * slice.cosine[n] / slice.factor[n] : 0;
-        content.spectra.values[(s * channels + c) * nodes + n] = static_cast<float>(stored);
+        spectra[(s * channels + c) * nodes + n] = static_cast<float>(stored);
         const double weight = channels == 3 ? kLuminance[c] : 1 / static_cast<double>(channels);
-        content.luminance.values[s * nodes + n] += static_cast<float>(weight * std::max(0.0, stored));
+        luminance[s * nodes + n] += static_cast<float>(weight * std::max(0.0, stored));
       }
     }
   }
+  content.luminance.values = std::move(luminance);
+  content.spectra.values = std::move(spectra);
   return AdaptiveBrdf::make(std::move(content));
 }
 

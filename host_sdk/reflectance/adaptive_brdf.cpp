@@ -60,20 +60,37 @@ Status check_axis(std::string_view name, std::span<const float> axis, double low
   return {};
 }
 
-Status check_tables(std::string_view name, const BilinearTables& tables, std::size_t count,
-                    bool may_be_negative) {
+Status check_size(std::string_view name, const BilinearTables& tables, std::size_t count) {
   if (tables.width < 2 || tables.height < 2 || tables.values.size() / tables.width / tables.height != count ||
       tables.values.size() != count * tables.size()) {
     return bad(fmt::format("{}: {} values for {} tables of {} x {}, at least 2 x 2", name,
                            tables.values.size(), count, tables.width, tables.height));
   }
-  if (!all_finite(tables.values) || (!may_be_negative && !all_positive(tables.values))) {
+  return {};
+}
+
+Status check_tables(std::string_view name, const BilinearTables& tables, std::size_t count,
+                    bool may_be_negative) {
+  if (Status status = check_size(name, tables, count); !status) {
+    return status;
+  }
+  const std::span<const float> values(tables.values.data(), tables.values.size());
+  if (!all_finite(values) || (!may_be_negative && !all_positive(values))) {
     const auto at = std::ranges::find_if(
-        tables.values, [&](float v) { return !std::isfinite(v) || (!may_be_negative && v < 0); });
-    return bad(fmt::format("{}: value {} is {}, expected a finite number{}", name, at - tables.values.begin(),
-                           *at, may_be_negative ? "" : " of at least 0"));
+        values, [&](float v) { return !std::isfinite(v) || (!may_be_negative && v < 0); });
+    return bad(fmt::format("{}: value {} is {}, expected a finite number{}", name, at - values.begin(), *at,
+                           may_be_negative ? "" : " of at least 0"));
   }
   return {};
+}
+
+/// The check of the values comes with the sums of the warp.
+Result<BilinearWarp> warp_of(std::string_view name, BilinearTables tables) {
+  auto warp = BilinearWarp::make(std::move(tables));
+  if (!warp) {
+    warp.error().what = fmt::format("{}: {}", name, warp.error().what);
+  }
+  return warp;
 }
 
 /// How often the covered azimuths go into a turn; 0: not 1, 2 or 4 times, or from a wrong start.
@@ -114,11 +131,15 @@ Bracket bracket(std::span<const float> axis, double value) noexcept {
 }
 
 /// Rounding in other programs leaves luminances a little below 0.
-BilinearTables without_negatives(BilinearTables tables) {
-  for (float& value : tables.values) {
+BilinearTables without_negatives(const BilinearTables& tables) {
+  if (all_positive({tables.values.data(), tables.values.size()})) {
+    return tables;
+  }
+  std::vector<float> values(tables.values.begin(), tables.values.end());
+  for (float& value : values) {
     value = std::max(value, 0.0F);
   }
-  return tables;
+  return {tables.width, tables.height, std::move(values)};
 }
 
 double turn_into_square(double phi) noexcept {
@@ -138,7 +159,7 @@ Result<AdaptiveBrdf> AdaptiveBrdf::make(Content content) {
   for (const Status& status :
        {check_axis("phi_i", content.phi_i, -2 * kPi, 2 * kPi),
         check_axis("theta_i", content.theta_i, 0, kPi / 2), check_tables("ndf", content.ndf, 1, false),
-        check_tables("sigma", content.sigma, 1, false), check_tables("vndf", content.vndf, slices, false),
+        check_tables("sigma", content.sigma, 1, false), check_size("vndf", content.vndf, slices),
         check_tables("luminance", content.luminance, slices, true),
         check_tables("spectra", content.spectra, slices * content.channels, true)}) {
     if (!status) {
@@ -158,13 +179,18 @@ Result<AdaptiveBrdf> AdaptiveBrdf::make(Content content) {
         fmt::format("phi_i covers {:.4f} to {:.4f}, expected a turn, or from -pi half or a quarter of one",
                     content.phi_i.front(), content.phi_i.back()));
   }
-  return AdaptiveBrdf(std::move(content));
+  auto vndf = warp_of("vndf", std::exchange(content.vndf, {}));
+  auto luminance = warp_of("luminance", without_negatives(content.luminance));
+  if (!vndf || !luminance) {
+    return std::unexpected(!vndf ? vndf.error() : luminance.error());
+  }
+  return AdaptiveBrdf(std::move(content), std::move(*vndf), std::move(*luminance));
 }
 
-AdaptiveBrdf::AdaptiveBrdf(Content content)
+AdaptiveBrdf::AdaptiveBrdf(Content content, BilinearWarp vndf, BilinearWarp luminance)
     : content_(std::move(content)),
-      vndf_(std::exchange(content_.vndf, {})),
-      luminance_(without_negatives(content_.luminance)),
+      vndf_(std::move(vndf)),
+      luminance_(std::move(luminance)),
       reduction_(content_.phi_i.size() > 2 ? reduction_of(content_.phi_i) : 1) {}
 
 AdaptiveBrdf::Incidence AdaptiveBrdf::incidence(const Direction& omega_i) const noexcept {

@@ -85,7 +85,7 @@ class AdaptiveBrdf final : public Brdf {
     TableMix mix;
     Origin origin = Origin::kMeasured;
   };
-  explicit AdaptiveBrdf(Content content);
+  AdaptiveBrdf(Content content, BilinearWarp vndf, BilinearWarp luminance);
   [[nodiscard]] Incidence incidence(const Direction& omega_i) const noexcept;
   [[nodiscard]] SquarePoint square_point(const Incidence& incidence, const Direction& m) const noexcept;
   [[nodiscard]] Origin eval_at(const Incidence& incidence, const Direction& omega_o,

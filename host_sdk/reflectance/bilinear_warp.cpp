@@ -1,18 +1,15 @@
 #include "host_sdk/reflectance/bilinear_warp.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "host_sdk/reflectance/warp_sums.h"
+
 namespace scatter::reflectance {
 namespace {
-
-/// Cells per block of the sums along rows.
-constexpr std::size_t kBlock = 8;
-
-double cell_mean(const float* v) noexcept {
-  return 0.5 * (static_cast<double>(v[0]) + static_cast<double>(v[1]));
-}
 
 /// Place t in 0..1 where the integral of the line from a to b over 0..t reaches `part`.
 double place_in_line(double a, double b, double part) noexcept {
@@ -35,53 +32,49 @@ BilinearCell cell_at(std::size_t width, std::size_t height, const SquarePoint& a
   return {row * width + column, x - static_cast<double>(column), y - static_cast<double>(row)};
 }
 
-BilinearWarp::BilinearWarp(BilinearTables tables) : tables_(std::move(tables)) {
-  const std::size_t width = tables_.width;
-  const std::size_t height = tables_.height;
-  const std::size_t cells = width - 1;
-  const std::size_t rows = tables_.values.size() / width;
-  blocks_ = cells / kBlock + 2;
-  conditional_.resize(rows * blocks_);
-  marginal_.resize(rows);
-  for (std::size_t row = 0; row < rows; ++row) {
-    const float* v = tables_.values.data() + row * width;
-    double* out = conditional_.data() + row * blocks_;
-    double sum = 0;
-    std::size_t cell = 0;
-    for (; cell + kBlock <= cells; cell += kBlock) {
-      *out++ = sum;
-      // Added in pairs: three steps deep instead of eight.
-      const auto at = [v, cell](std::size_t k) { return static_cast<double>(v[cell + k]); };
-      const double inner = ((at(1) + at(2)) + (at(3) + at(4))) + ((at(5) + at(6)) + at(7));
-      sum += inner + 0.5 * (at(0) + at(kBlock));
-    }
-    *out++ = sum;
-    for (; cell < cells; ++cell) {
-      sum += cell_mean(v + cell);
-    }
-    *out = sum;
+BilinearWarp::BilinearWarp(BilinearTables tables) : tables_(std::move(tables)) {}
+
+Result<BilinearWarp> BilinearWarp::make(BilinearTables tables) {
+  BilinearWarp warp(std::move(tables));
+  const SharedFloats& values = warp.tables_.values;
+  const std::size_t height = warp.tables_.height;
+  const std::size_t rows = values.size() / warp.tables_.width;
+  const std::size_t blocks = warp_blocks(warp.tables_.width);
+  const auto sums = std::make_shared_for_overwrite<double[]>(rows * blocks);
+  if (!sum_rows({values.data(), values.size()}, warp.tables_.width, sums.get())) {
+    const auto wrong = std::ranges::find_if(values, [](float v) { return !std::isfinite(v) || v < 0; });
+    return fail(
+        ErrorCode::kInvalidArgument,
+        fmt::format("value {} is {}, expected a finite number of at least 0", wrong - values.begin(), *wrong),
+        "export the material again");
   }
+  warp.marginal_.resize(rows);
+  warp.scale_.reserve(rows / height);
   for (std::size_t table = 0; table < rows / height; ++table) {
     double sum = 0;
     double last = 0;
-    for (std::size_t r = 0; r < height; ++r) {
-      const double next = conditional_[(table * height + r + 1) * blocks_ - 1];
-      sum += r == 0 ? 0 : 0.5 * (last + next);
+    for (std::size_t r = table * height; r < (table + 1) * height; ++r) {
+      const double next = sums[(r + 1) * blocks - 1];
+      sum += r == table * height ? 0 : 0.5 * (last + next);
       last = next;
-      marginal_[table * height + r] = sum;
+      warp.marginal_[r] = sum;
     }
-    scale_.push_back(sum > 0 ? 1 / sum : 0);
+    warp.scale_.push_back(sum > 0 ? 1 / sum : 0);
   }
+  warp.blocks_ = blocks;
+  warp.conditional_ = sums;
+  return warp;
 }
 
 double BilinearWarp::cells_before(std::size_t table_row, std::size_t column) const noexcept {
   const float* v = tables_.values.data() + table_row * tables_.width;
-  const std::size_t block = column / kBlock;
-  double sum = conditional_[table_row * blocks_ + block];
-  for (std::size_t cell = block * kBlock; cell < column; ++cell) {
-    sum += cell_mean(v + cell);
+  const std::size_t block = column / kWarpBlock;
+  const std::size_t first = block * kWarpBlock;
+  double nodes = 0.5 * (static_cast<double>(v[column]) - static_cast<double>(v[first]));
+  for (std::size_t node = first; node < column; ++node) {
+    nodes += static_cast<double>(v[node]);
   }
-  return sum;
+  return conditional_[table_row * blocks_ + block] + nodes;
 }
 
 double BilinearWarp::value(std::size_t row, std::size_t column, const TableMix& mix) const noexcept {

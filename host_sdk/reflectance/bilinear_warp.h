@@ -3,17 +3,21 @@
 
 #include <array>
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <vector>
+
+#include "host_sdk/error/error.h"
+#include "host_sdk/reflectance/shared_floats.h"
 
 namespace scatter::reflectance {
 
 /// Tables of one size, each bilinear between its nodes: node (row, column) stands at
 /// (x, y) = (column / (width - 1), row / (height - 1)).
 struct BilinearTables {
-  std::size_t width = 0;      ///< At least 2.
-  std::size_t height = 0;     ///< At least 2.
-  std::vector<float> values;  ///< [table][row][column]
+  std::size_t width = 0;   ///< At least 2.
+  std::size_t height = 0;  ///< At least 2.
+  SharedFloats values;     ///< [table][row][column]
 
   [[nodiscard]] std::size_t size() const noexcept { return width * height; }
 };
@@ -60,9 +64,10 @@ struct BilinearCell {
 /// Source    Dupuy and Jakob 2018, section 4.3 (bilinear interpolants instead of constant cells).
 class BilinearWarp {
  public:
-  BilinearWarp() = default;
-  /// Range  values finite and not negative. A table that is 0 everywhere has density 0.
-  explicit BilinearWarp(BilinearTables tables);
+  /// A table that is 0 everywhere has density 0.
+  /// Range   values.size() is a multiple of the tables' size.
+  /// Errors  kInvalidArgument: a value that is negative or not finite, with its place.
+  [[nodiscard]] static Result<BilinearWarp> make(BilinearTables tables);
 
   [[nodiscard]] const BilinearTables& tables() const noexcept { return tables_; }
   [[nodiscard]] std::size_t count() const noexcept { return scale_.size(); }
@@ -75,6 +80,7 @@ class BilinearWarp {
   [[nodiscard]] SquarePoint sample(const SquarePoint& uniform, const TableMix& mix) const noexcept;
 
  private:
+  explicit BilinearWarp(BilinearTables tables);
   /// Sum of the cells of one row of one table before a column.
   [[nodiscard]] double cells_before(std::size_t table_row, std::size_t column) const noexcept;
   /// The same, mixed.
@@ -87,7 +93,7 @@ class BilinearWarp {
   /// [table][row][block]: sum of the cells of a row before each block of cells; the last entry is
   /// that of all. A cell is the mean of its two nodes. Blocks, because sums at every node in double
   /// would cost more to write than the file costs to read, and in float they are not exact enough.
-  std::vector<double> conditional_;
+  std::shared_ptr<const double[]> conditional_;
   std::vector<double> marginal_;  ///< [table][row]: sum of the rows of cells before it.
   std::vector<double> scale_;     ///< [table]: 1 / sum of all cells; 0 where that is 0.
 };

@@ -122,8 +122,8 @@ double azimuth_integral(double theta, double theta_m) {
 /// Linear operator that gives sigma from D: nodes of D weighted by their solid angle.
 class ProjectedArea {
  public:
-  ProjectedArea(const BilinearTables& ndf, bool isotropic)
-      : isotropic_(isotropic), columns_(ndf.width), rows_(isotropic ? 1 : ndf.height) {
+  ProjectedArea(std::size_t columns, std::size_t rows, bool isotropic)
+      : isotropic_(isotropic), columns_(columns), rows_(rows) {
     const double step = 1 / static_cast<double>(columns_ - 1);
     for (std::size_t c = 0; c < columns_; ++c) {
       const double x = share_of(c, columns_);
@@ -168,7 +168,7 @@ class ProjectedArea {
 Result<NormalsEstimate> estimate_normals(const Brdf& brdf, std::span<const double> theta_i,
                                          std::size_t columns, std::size_t rows, bool isotropic) {
   NormalsEstimate out;
-  out.ndf = {columns, isotropic ? 2 : rows, std::vector<float>(columns * (isotropic ? 2 : rows))};
+  std::vector<float> ndf(columns * (isotropic ? 2 : rows));
   const std::size_t profiles = isotropic ? 1 : rows;
   std::vector<double> f(brdf.channels());
   std::vector<Profile> retro;
@@ -185,31 +185,26 @@ Result<NormalsEstimate> estimate_normals(const Brdf& brdf, std::span<const doubl
                                 ? retro[r]
                                 : half_profile(brdf, theta_i, phi_at(share_of(r, profiles == 1 ? 2 : rows)),
                                                columns, isotropic, f);
-    any = fill(profile, out.ndf.values.data() + r * columns) || any;
+    any = fill(profile, ndf.data() + r * columns) || any;
   }
-  std::vector<float>& ndf = out.ndf.values;
   if (!any || !std::ranges::any_of(ndf, [](float v) { return v > 0; })) {
     return fail(ErrorCode::kFailedPrecondition, "adaptive form: no direction has a value above 0",
                 "check the data with 'scatter inspect'");
   }
-  const ProjectedArea area(out.ndf, isotropic);
+  const ProjectedArea area(columns, isotropic ? 1 : rows, isotropic);
   const std::vector<float> weight = ndf;
-  out.sigma = {kSigmaColumns, isotropic ? 2 : kSigmaRows, {}};
-  out.sigma.values.assign(out.sigma.size(), 1.0F);
-  if (isotropic) {
-    out.sigma.width = columns;
-    out.sigma.values.assign(2 * columns, 1.0F);
-  }
+  const std::size_t sigma_columns = isotropic ? columns : kSigmaColumns;
+  const std::size_t sigma_rows = isotropic ? 2 : kSigmaRows;
+  std::vector<float> sigma(sigma_columns * sigma_rows, 1.0F);
   const auto update_sigma = [&] {
     const double scale = 1 / area.at(ndf, 0, 0);
     for (float& d : ndf) {
       d = static_cast<float>(static_cast<double>(d) * scale);
     }
-    for (std::size_t r = 0; r < (isotropic ? 1 : out.sigma.height); ++r) {
-      for (std::size_t c = 0; c < out.sigma.width; ++c) {
-        out.sigma.values[r * out.sigma.width + c] =
-            static_cast<float>(area.at(ndf, theta_at(share_of(c, out.sigma.width)),
-                                       isotropic ? 0 : phi_at(share_of(r, out.sigma.height))));
+    for (std::size_t r = 0; r < (isotropic ? 1 : sigma_rows); ++r) {
+      for (std::size_t c = 0; c < sigma_columns; ++c) {
+        sigma[r * sigma_columns + c] = static_cast<float>(area.at(
+            ndf, theta_at(share_of(c, sigma_columns)), isotropic ? 0 : phi_at(share_of(r, sigma_rows))));
       }
     }
   };
@@ -219,11 +214,11 @@ Result<NormalsEstimate> estimate_normals(const Brdf& brdf, std::span<const doubl
     for (std::size_t r = 0; r < profiles; ++r) {
       for (std::size_t c = 0; c < columns; ++c) {
         const double x = share_of(c, columns);
-        const double sigma =
-            bilinear(out.sigma.values.data(), out.sigma.width,
-                     cell_at(out.sigma.width, out.sigma.height, {x, isotropic ? 0 : share_of(r, rows)}));
-        ndf[r * columns + c] =
-            static_cast<float>(static_cast<double>(weight[r * columns + c]) * std::cos(theta_at(x)) * sigma);
+        const double area_here =
+            bilinear(sigma.data(), sigma_columns,
+                     cell_at(sigma_columns, sigma_rows, {x, isotropic ? 0 : share_of(r, rows)}));
+        ndf[r * columns + c] = static_cast<float>(static_cast<double>(weight[r * columns + c]) *
+                                                  std::cos(theta_at(x)) * area_here);
       }
     }
     update_sigma();
@@ -234,9 +229,10 @@ Result<NormalsEstimate> estimate_normals(const Brdf& brdf, std::span<const doubl
   update_sigma();
   if (isotropic) {
     std::copy_n(ndf.begin(), columns, ndf.begin() + static_cast<std::ptrdiff_t>(columns));
-    std::copy_n(out.sigma.values.begin(), columns,
-                out.sigma.values.begin() + static_cast<std::ptrdiff_t>(columns));
+    std::copy_n(sigma.begin(), columns, sigma.begin() + static_cast<std::ptrdiff_t>(columns));
   }
+  out.ndf = {columns, isotropic ? 2 : rows, std::move(ndf)};
+  out.sigma = {sigma_columns, sigma_rows, std::move(sigma)};
   return out;
 }
 

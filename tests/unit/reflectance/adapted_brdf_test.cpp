@@ -78,7 +78,7 @@ TEST_CASE("Projected area is 1 at the normal and that of GGX elsewhere") {
 
 TEST_CASE("Warps are their own inverses, and densities integrate to 1") {
   const AdaptiveBrdf brdf = adapt(*model("ggx:alpha=0.2,f0=0.04,albedo=0.1")).value();
-  const BilinearWarp warp(brdf.vndf());
+  const BilinearWarp warp = BilinearWarp::make(brdf.vndf()).value();
   const TableMix mix{.table = {2, 3}, .weight = {0.3, 0.7}, .count = 2};
   double sum = 0;
   for (int r = 0; r < 254; ++r) {
