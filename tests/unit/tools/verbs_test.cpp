@@ -1,6 +1,9 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -225,6 +228,28 @@ TEST_CASE("Ctrl-C ends a calibration soon") {
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   check_interrupted(calibrating);
   CHECK_FALSE(std::filesystem::exists(folder / "cal.scat"));
+}
+
+TEST_CASE("Ctrl-C ends a fit soon, and leaves the files that it was to write as they were") {
+  const Scratch folder;
+  const std::string picture = folder / "fit.svg";
+  const std::string gltf = folder / "material.gltf";
+  const std::string materialx = folder / "material.mtlx";
+  std::ofstream(gltf) << "of an earlier fit";
+  // All directions and all models: far longer than the test waits.
+  Command fitting({"fit", "ggx:alpha=0.1,f0=0.04,albedo=0.2", "--samples", "0", "-o", picture, "--export",
+                   gltf, "--export", materialx});
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  fitting.signal(SIGINT);
+  const auto start = std::chrono::steady_clock::now();
+  const auto run = fitting.wait(std::chrono::seconds(10));
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
+  CHECK(run.status == 1);
+  CHECK(run.out.empty());
+  CHECK(run.err == "error: the fit was stopped\nremedy: start it again\n");
+  CHECK(contents(gltf) == "of an earlier fit");
+  const std::filesystem::directory_iterator files(std::filesystem::path(gltf).parent_path());
+  CHECK(std::distance(begin(files), end(files)) == 1);
 }
 
 TEST_CASE("A served instrument can be listed, asked and measured, and ends on SIGTERM") {
