@@ -14,6 +14,7 @@ namespace scatter::formats {
 
 /// RGB or spectral, isotropic or anisotropic (whole, half or quarter turn), fields in any order.
 /// Metadata: "description", and what our writer put into fields "scatter.KEY".
+/// Memory  the tables of the result are the file's bytes, which it keeps as a whole.
 /// Errors  kDataLoss: truncated or damaged; kInvalidArgument: a tensor file without the fields of a
 ///         BRDF, or a field of another type or shape: names field, expected, found;
 ///         kVersionMismatch.

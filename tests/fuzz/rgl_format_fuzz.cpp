@@ -1,5 +1,6 @@
 // The RGL reader: what it accepts is a material that answers with finite numbers of at least 0 and
 // survives writing bit by bit.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -47,8 +48,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(written.has_value());
   const auto again = scatter::formats::decode_rgl(*written, "again.bsdf");
   require(again.has_value());
-  require(again->content().spectra.values == brdf->content().spectra.values);
-  require(again->vndf().values == brdf->vndf().values);
+  require(std::ranges::equal(again->content().spectra.values, brdf->content().spectra.values));
+  require(std::ranges::equal(again->vndf().values, brdf->vndf().values));
   require(again->content().phi_i == brdf->content().phi_i &&
           again->content().theta_i == brdf->content().theta_i);
   require(again->content().jacobian == brdf->content().jacobian);
