@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <utility>
@@ -62,14 +63,28 @@ struct Bench::Parts {
     bool lit = false;
   };
 
+  /// image += more, or the first of them.
+  static void add(LightImage more, LightImage& image) {
+    for (std::size_t c = 0; c < image.size(); ++c) {
+      if (image[c].empty()) {
+        image[c] = std::move(more[c]);
+      } else {
+        std::ranges::transform(image[c], more[c], image[c].begin(), std::plus<>());
+      }
+    }
+  }
+
   const HeadImage& image(std::size_t head) {
     HeadImage& slot = images[head];
     std::call_once(slot.once, [&] {
       const Head& source = truth.heads[head];
-      const Aspect aspect(*options.sample, descriptor.spot_diameter_mm, source.towards);
-      slot.lit = aspect.lit();
-      if (slot.lit) {
-        slot.light = integrate(lens, descriptor.sensor.width_px, descriptor.sensor.height_px, source, aspect);
+      for (const Aspect& aspect :
+           Aspect::summands(*options.sample, descriptor.spot_diameter_mm, source.towards)) {
+        slot.lit = aspect.lit();
+        if (slot.lit) {
+          add(integrate(lens, descriptor.sensor.width_px, descriptor.sensor.height_px, source, aspect),
+              slot.light);
+        }
       }
     });
     return slot;

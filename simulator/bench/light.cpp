@@ -112,7 +112,7 @@ class Integration {
   LightImage run(Fineness fineness) {
     rows([&](std::size_t y) { centres(y); });
     const LightImage middles = image_;
-    if (aspect_.uneven() && fineness == Fineness::kAdaptive) {
+    if (aspect_.broad() && fineness == Fineness::kAdaptive) {
       rows([&](std::size_t y) { smear(middles, y); });
     } else {
       const Rules rules(head_);
@@ -244,7 +244,7 @@ class Integration {
     }
   }
 
-  /// Unevenness blurs far more than disc and pixel: their share to second order is enough.
+  /// Unevenness and broad lobes blur far more than disc and pixel: their share to second order is enough.
   void smear(const LightImage& middles, std::size_t y) {
     for (std::size_t x = 0; x < width_; ++x) {
       for (std::size_t c = 0; inside(x, y) && c < kColours; ++c) {

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "simulator/samples/facet_frame.h"
 
 namespace scatter::simulator {
 namespace {
@@ -42,13 +45,6 @@ std::vector<Node> slope_nodes(double uneven_rad) {
   return nodes;
 }
 
-/// The frame z = normal that is reached from the base frame by the smallest rotation.
-std::array<Vector, 3> frame_about(const Vector& normal) noexcept {
-  const double k = 1.0 / (1.0 + normal.z);
-  return {Vector{1.0 - normal.x * normal.x * k, -normal.x * normal.y * k, -normal.x},
-          Vector{-normal.x * normal.y * k, 1.0 - normal.y * normal.y * k, -normal.y}, normal};
-}
-
 Vector combine(const Vector& local, const std::array<Vector, 3>& axes) noexcept {
   return {local.x * axes[0].x + local.y * axes[1].x + local.z * axes[2].x,
           local.x * axes[0].y + local.y * axes[1].y + local.z * axes[2].y,
@@ -73,14 +69,35 @@ std::array<std::size_t, kColours> channels_for_colours(const reflectance::Brdf& 
 
 }  // namespace
 
+Footprint Aspect::footprint(const Sample& sample, double spot_diameter_mm, const Vector& towards_source) {
+  const Defects& defects = sample.defects();
+  const FacetFrame base =
+      facet_frame(reflectance::from_spherical(defects.tilt_rad, defects.tilt_azimuth_rad));
+  return {.diameter_mm = spot_diameter_mm,
+          .omega_i = {dot(towards_source, base[0]), dot(towards_source, base[1]),
+                      std::abs(dot(towards_source, base[2]))}};
+}
+
 Aspect::Aspect(const Sample& sample, double spot_diameter_mm, const Vector& towards_source)
-    : source_(towards_source), below_(towards_source.z < 0) {
+    : Aspect(sample, towards_source,
+             {.brdf = sample.surface().lit(footprint(sample, spot_diameter_mm, towards_source))}) {}
+
+std::vector<Aspect> Aspect::summands(const Sample& sample, double spot_diameter_mm,
+                                     const Vector& towards_source) {
+  std::vector<Aspect> aspects;
+  for (Surface::Summand& lit :
+       sample.surface().lit_apart(footprint(sample, spot_diameter_mm, towards_source))) {
+    aspects.push_back(Aspect(sample, towards_source, std::move(lit)));
+  }
+  return aspects;
+}
+
+Aspect::Aspect(const Sample& sample, const Vector& towards_source, Surface::Summand lit)
+    : brdf_(std::move(lit.brdf)), source_(towards_source), below_(towards_source.z < 0), broad_(lit.broad) {
   lit_ = below_ == sample.transmits();
   const Defects& defects = sample.defects();
   normal_ = reflectance::from_spherical(defects.tilt_rad, defects.tilt_azimuth_rad);
-  const std::array<Vector, 3> base = frame_about(normal_);
-  const Vector local{dot(source_, base[0]), dot(source_, base[1]), std::abs(dot(source_, base[2]))};
-  brdf_ = sample.surface().lit({.diameter_mm = spot_diameter_mm, .omega_i = local});
+  const FacetFrame base = facet_frame(normal_);
   channel_ = channels_for_colours(*brdf_);
   if (defects.uneven_rad <= 0) {
     facets_.push_back({base, 1.0});
@@ -91,7 +108,7 @@ Aspect::Aspect(const Sample& sample, double spot_diameter_mm, const Vector& towa
   for (const Node& a : nodes) {
     for (const Node& b : nodes) {
       const Vector leaning = reflectance::normalized({-a.at * slope, -b.at * slope, 1.0});
-      std::array<Vector, 3> axes = frame_about(leaning);
+      FacetFrame axes = facet_frame(leaning);
       for (Vector& axis : axes) {
         axis = combine(axis, base);
       }
@@ -149,7 +166,7 @@ Vector Aspect::straight() const noexcept {
 bool Aspect::regular(Regular& part) const noexcept {
   std::array<double, kMaxChannels> weight;
   const std::size_t channels = brdf_->channels();
-  const std::array<Vector, 3> base = frame_about(normal_);
+  const FacetFrame base = facet_frame(normal_);
   const Vector omega_i{dot(source_, base[0]), dot(source_, base[1]), std::abs(dot(source_, base[2]))};
   if (!lit_ || !brdf_->dirac(omega_i, std::span(weight).first(channels))) {
     return false;

@@ -24,9 +24,13 @@ class Aspect {
  public:
   /// `towards_source` is the middle of the head.
   Aspect(const Sample& sample, double spot_diameter_mm, const reflectance::Direction& towards_source);
+  /// One per summand of the surface (Surface::lit_apart): their radiances add up to the sample's.
+  [[nodiscard]] static std::vector<Aspect> summands(const Sample& sample, double spot_diameter_mm,
+                                                    const reflectance::Direction& towards_source);
 
-  /// More than one facet: an uneven sample, whose every direction costs that many evaluations.
-  [[nodiscard]] bool uneven() const noexcept { return facets_.size() > 1; }
+  /// Changes so slowly with direction, and costs so much, that the share of source disc and pixel need only
+  /// be known to second order: uneven samples, and broad summands.
+  [[nodiscard]] bool broad() const noexcept { return broad_ || facets_.size() > 1; }
   /// False: nothing reaches the camera from a source on that side.
   [[nodiscard]] bool lit() const noexcept { return lit_; }
 
@@ -56,6 +60,11 @@ class Aspect {
     std::array<reflectance::Direction, 3> axes;
     double weight = 1;  ///< Share of the facets, divided by the facet's own foreshortening.
   };
+  Aspect(const Sample& sample, const reflectance::Direction& towards_source, Surface::Summand lit);
+  /// The footprint of a head on a sample that may be tilted.
+  [[nodiscard]] static Footprint footprint(const Sample& sample, double spot_diameter_mm,
+                                           const reflectance::Direction& towards_source);
+
   std::shared_ptr<const reflectance::Brdf> brdf_;
   std::vector<Facet> facets_;
   reflectance::Direction normal_;
@@ -63,6 +72,7 @@ class Aspect {
   std::array<std::size_t, kColours> channel_{};
   bool below_ = false;
   bool lit_ = false;
+  bool broad_ = false;
 };
 
 }  // namespace scatter::simulator

@@ -11,6 +11,7 @@
 
 #include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/reflectance/models/model_spec.h"
+#include "simulator/samples/textured_spec.h"
 
 namespace scatter::simulator {
 namespace {
@@ -19,7 +20,8 @@ using reflectance::radians;
 
 constexpr std::string_view kRemedy =
     "write a sample as ggx:alpha=0.2,f0=0.04,albedo=0.3 or lambertian:0.5 or "
-    "film:transmittance=0.6,haze=0.3 or file:PATH, then defects such as +tilt=1.0@30 "
+    "film:transmittance=0.6,haze=0.3 or corroded:age=25,corrosivity=medium or file:PATH, then defects such "
+    "as +tilt=1.0@30 "
     "+translucent=0.1 +uneven=0.5 +soft=0.2";
 
 std::unexpected<Error> refuse(std::string_view spec, std::string_view what) {
@@ -97,6 +99,13 @@ Result<std::shared_ptr<const Sample>> Sample::make(std::string_view spec) {
     }
     base = base.substr(0, at);
   }
+  if (is_textured_spec(base)) {
+    auto surface = make_textured_surface(base);
+    if (!surface) {
+      return std::unexpected(std::move(surface.error()));
+    }
+    return std::make_shared<const Sample>(std::move(*surface), defects, std::string(base));
+  }
   const bool is_file = base.starts_with("file:");
   if (!is_file) {
     // A model's numbers hold no '+', so what follows one is a defect with a wrong name.
@@ -115,7 +124,19 @@ Result<std::shared_ptr<const Sample>> Sample::make(std::string_view spec) {
   if ((*brdf)->channels() == 0 || (*brdf)->channels() > kMaxChannels) {
     return refuse(spec, fmt::format("it has {} channels, expected 1..{}", (*brdf)->channels(), kMaxChannels));
   }
-  return std::make_shared<const Sample>(std::make_shared<const UniformSurface>(std::move(*brdf)), defects);
+  return std::make_shared<const Sample>(std::make_shared<const UniformSurface>(std::move(*brdf)), defects,
+                                        std::string(base));
+}
+
+std::shared_ptr<const Sample> Sample::moved(const Place& place) const {
+  // Six decimals: finer than any cell, and short in the text.
+  constexpr double kSteps = 1e6;
+  const Place to{std::round(place.u * kSteps) / kSteps, std::round(place.v * kSteps) / kSteps};
+  auto surface = surface_->moved(to);
+  if (surface == nullptr) {
+    return nullptr;
+  }
+  return std::make_shared<const Sample>(std::move(surface), defects_, spec_at(spec_, to));
 }
 
 double Sample::signal_share(double seconds) const noexcept {
