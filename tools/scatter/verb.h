@@ -50,6 +50,7 @@ struct Verb {
 [[nodiscard]] Verb add_atlas(CLI::App& root);
 [[nodiscard]] Verb add_compare(CLI::App& root);
 [[nodiscard]] Verb add_fit(CLI::App& root);
+[[nodiscard]] Verb add_patinate(CLI::App& root);
 [[nodiscard]] Verb add_plot(CLI::App& root);
 [[nodiscard]] Verb add_simulate(CLI::App& root);
 
