@@ -137,6 +137,56 @@ Status take_appearance(const CorrodeOptions& options, CorrodePlan& plan) {
   return corrosion::check(look);
 }
 
+/// Multiplies the exposure by what a cover and a nobler metal do.
+Status take_masks(const CorrodeOptions& options, CorrodePlan& plan) {
+  auto& growth = plan.growth;
+  std::vector<std::pair<const char*, const Map*>> maps = {{"surface", &growth.surface},
+                                                          {"material", &growth.material},
+                                                          {"exposure", &growth.exposure},
+                                                          {"opening", &growth.opening},
+                                                          {"bump", &plan.appearance.bump}};
+  Map cover{1, 1, {0.0F}};
+  Map contact{1, 1, {0.0F}};
+  maps.insert(maps.end(), {{"cover", &cover}, {"contact", &contact}});
+  Status done = take("cover", options.cover, cover);
+  done = done ? take("contact", options.contact, contact) : done;
+  done = done ? same_size(maps) : done;
+  const auto multiply = [&](const Result<Map>& factor) -> Status {
+    if (!factor) {
+      return std::unexpected(factor.error());
+    }
+    auto both = corrosion::product(growth.exposure, *factor);
+    if (!both) {
+      return std::unexpected(both.error());
+    }
+    growth.exposure = *std::move(both);
+    return {};
+  };
+  if (done && !options.cover.empty()) {
+    done = multiply(corrosion::aeration_exposure(cover, growth.extent_mm, growth.border, options.aeration));
+  }
+  if (done && !options.contact.empty()) {
+    done = multiply(corrosion::galvanic_exposure(contact, growth.extent_mm, growth.border, options.galvanic));
+  }
+  return done;
+}
+
+void add_mask_options(CLI::App& app, CorrodeOptions& options) {
+  constexpr const char* kGroup = "Covers and nobler metal";
+  app.add_option("--cover", options.cover, "Where it is 0.5 or more a cover keeps air out: rusts beside it")
+      ->group(kGroup);
+  app.add_option("--contact", options.contact, "Where it is 0.5 or more lies a nobler metal: rusts beside it")
+      ->group(kGroup);
+  const auto number = [&app](const char* name, double& to, const char* help) {
+    app.add_option(name, to, help)->capture_default_str()->group(kGroup);
+  };
+  number("--covered-exposure", options.aeration.covered, "Exposure under a cover, 0..1");
+  number("--cover-gain", options.aeration.edge_gain, "What its edge has more than the open, 0..1000");
+  number("--cover-reach-mm", options.aeration.reach_mm, "Distance over which that falls to 1 / e");
+  number("--contact-gain", options.galvanic.contact_gain, "Gain at the contact for equal areas, 0..1000");
+  number("--contact-reach-mm", options.galvanic.reach_mm, "Distance over which that falls to 1 / e");
+}
+
 void add_map_options(CLI::App& app, CorrodeOptions& options) {
   const auto map = [&app](const char* name, std::string& to, const char* help) {
     app.add_option(name, to, help)->group("Maps (FILE.exr, FILE.png or one number)");
@@ -250,6 +300,7 @@ void add_options(CLI::App& app, CorrodeOptions& options) {
       ->check(one_of(seeds_named, ""))
       ->excludes(seed);
   add_map_options(app, options);
+  add_mask_options(app, options);
   add_look_options(app, options);
   add_mode_options(app, growth);
 }
@@ -287,12 +338,7 @@ Result<CorrodePlan> plan(const CorrodeOptions& options) {
       done = done ? take(parameter, *text, *to) : done;
     }
     done = done ? take_appearance(options, plan) : done;
-    return done ? same_size({{"surface", &growth.surface},
-                             {"material", &growth.material},
-                             {"exposure", &growth.exposure},
-                             {"opening", &growth.opening},
-                             {"bump", &plan.appearance.bump}})
-                : done;
+    return done ? take_masks(options, plan) : done;
   };
   if (const Status done = read(); !done) {
     return std::unexpected(done.error());
@@ -323,6 +369,15 @@ ordered_json to_json(const CorrodeOptions& options, const corrosion::GrowthOptio
     if (!text->empty()) {
       json[key] = *text;
     }
+  }
+  if (!options.cover.empty()) {
+    json["aeration"] = {{"covered", options.aeration.covered},
+                        {"edge_gain", options.aeration.edge_gain},
+                        {"reach_mm", options.aeration.reach_mm}};
+  }
+  if (!options.contact.empty()) {
+    json["galvanic"] = {{"contact_gain", options.galvanic.contact_gain},
+                        {"reach_mm", options.galvanic.reach_mm}};
   }
   json["look"] = options.look.empty() ? "state" : options.look;
   if (used.mode == corrosion::Mode::kThesis) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "simulator/corrosion/appearance.h"
+#include "simulator/corrosion/exposure.h"
 #include "simulator/corrosion/growth_options.h"
 #include "tools/scatter/sheet_files.h"
 
@@ -27,6 +28,8 @@ struct CorrodeOptions {
   std::string border = "toroidal";
   std::optional<double> late_points;
   std::string surface, material, exposure, opening, cover, contact, bump;
+  corrosion::AerationOptions aeration;
+  corrosion::GalvanicOptions galvanic;
   std::array<std::string, 4> layers;
   std::string look;  ///< Empty: by state.
   std::vector<float> layer_depths_um, layer_limits;

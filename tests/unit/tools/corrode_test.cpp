@@ -1,5 +1,6 @@
 // PROVES: docs/corrosion.md, what `scatter corrode` writes and refuses.
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <csignal>
@@ -162,6 +163,45 @@ TEST_CASE("White surface with no least susceptibility is never entered; a colour
   }
 }
 
+TEST_CASE(
+    "Under a cover next to nothing rusts, and a nobler metal does not at all; both make their surroundings "
+    "rust") {
+  const Scratch folder;
+  Picture mask{.width = 16, .height = 16, .channels = 1, .values = std::vector<float>(256, 0.0F)};
+  for (std::size_t n = 0; n < 256; ++n) {
+    mask.values[n] = n % 16 / 4 == 1 ? 1.0F : 0.0F;  // a stripe from 1/4 to 1/2
+  }
+  save_png(folder / "mask.png", mask);
+  const auto lost = [&](const std::string& option) {
+    std::vector<std::string> arguments = {"--size",        "64", "--age", "3", "--starting-points", "200",
+                                          "--late-points", "0"};
+    if (!option.empty()) {
+      arguments.insert(arguments.end(), {option, folder / "mask.png"});
+    }
+    const auto run = corrode(arguments, folder / "out");
+    INFO(run.err);
+    REQUIRE(run.status == 0);
+    const Picture height = picture(folder / "out/height.exr");
+    std::array<double, 2> inside_and_beside{};
+    for (std::size_t n = 0; n < height.pixels(); ++n) {
+      const std::size_t x = n % 64;
+      if (x >= 17 && x < 31) {
+        inside_and_beside[0] += 1 - static_cast<double>(height.values[n]);
+      } else if ((x >= 12 && x < 16) || (x >= 32 && x < 36)) {
+        inside_and_beside[1] += 1 - static_cast<double>(height.values[n]);
+      }
+    }
+    return inside_and_beside;
+  };
+  const auto open = lost("");
+  const auto cover = lost("--cover");
+  const auto contact = lost("--contact");
+  CHECK(cover[0] < 0.1 * open[0]);
+  CHECK(contact[0] == 0);
+  CHECK(cover[1] > open[1]);
+  CHECK(contact[1] > open[1]);
+}
+
 TEST_CASE("An opening is a hole from the start and no lost metal") {
   const Scratch folder;
   Picture opening{.width = 8, .height = 8, .channels = 1, .values = std::vector<float>(64, 1.0F)};
@@ -250,6 +290,11 @@ TEST_CASE("Bad input of corrode names the parameter, leaves no folder and ends w
            Case{{"--surface", folder / "cut.png"}, 1, "surface: "},
            Case{{"--surface", folder / "none.png"}, 1, "no such file"},
            Case{{"--exposure", "-1"}, 1, "exposure"},
+           Case{{"--surface", folder / "large.png", "--cover", folder / "small.png"},
+                1,
+                "cover: the image has 2 x 2"},
+           Case{{"--cover", "1", "--covered-exposure", "2"}, 1, "covered"},
+           Case{{"--contact", "1"}, 1, "contact"},
            Case{{"--layer2", "0.1/0.2"}, 1, "layer2"},
            Case{{"--layer2", "7/0/0"}, 1, "layer 2"},
            Case{{"--thickness-mm", "0"}, 1, "thickness_mm"},
