@@ -149,12 +149,10 @@ float FrontMarch::solve(const Around& around, Step first, Step second, float cos
   };
   const Side a = upwind(first);
   const Side b = upwind(second);
-  // From one direction alone.
-  const float single = std::min(a.value + cost * (a.weight == 1 ? 1 : 2.0F / 3),
-                                b.value + cost * (b.weight == 1 ? 1 : 2.0F / 3));
+  // From one direction alone, to first order: what lies behind says nothing when the front comes from the side.
+  const float single = std::min(a.known, b.known) + cost;
   if (a.known == kNever || b.known == kNever) {
-    return a.known == kNever ? b.value + cost * (b.weight == 1 ? 1 : 2.0F / 3)
-                             : a.value + cost * (a.weight == 1 ? 1 : 2.0F / 3);
+    return single;
   }
   // a.weight (T - a.value)^2 + b.weight (T - b.value)^2 = cost^2, as seen from a.value.
   const float gap = b.value - a.value;

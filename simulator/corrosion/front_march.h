@@ -41,12 +41,11 @@ class RadixQueue {
 
 /// Solves |grad T| = slowness with T given at seeds that may be added on the way.
 ///
-/// T is continuous time in any unit, slowness that unit per mm. Where slowness is infinite the front never
-/// gets. Error     first order in the cell beside seeds and where fronts meet, second elsewhere; see
-///           docs/corrosion.md, "Physical mode".
-/// Source    Fast marching (Sethian 1996) with two stencils, along the axes and along the diagonals, of
-/// second
-///           order (Hassouna and Farag 2007, "Multistencils fast marching methods", section 3).
+/// T is continuous time in any unit, slowness that unit per mm; where it is infinite the front never gets.
+/// Error     a front may get away from its seed up to 0.6 cells early and keeps that lead; it does not grow
+///           with distance in even metal.
+/// Source    Fast marching (Sethian 1996) with two stencils of second order, along the axes and along the
+///           diagonals (Hassouna and Farag 2007, "Multistencils fast marching methods", section 3).
 /// Threads   one at a time.
 class FrontMarch {
  public:
