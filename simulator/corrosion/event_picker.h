@@ -182,14 +182,18 @@ class WeightedPicker {
       if (next_ % simulator::kBulkBlocks == 0) {
         draw(next_ / simulator::kBulkBlocks + 1);
       }
-      const Candidate far = candidate(next_ + kFetchSlotAhead);
+      Candidate& far = ahead_[(next_ + kFetchSlotAhead) % kAhead];
+      far = candidate(next_ + kFetchSlotAhead);
       __builtin_prefetch(lists_[far.list].data() + far.slot);
-      ahead_[next_ % kAhead] = far;
-      const Candidate near = ahead_[(next_ + kAhead - kFetchSlotAhead + kFetchCellAhead) % kAhead];
+      const Candidate near = ahead_[(next_ + kFetchCellAhead) % kAhead];
       const std::uint32_t soon = lists_[near.list].data()[near.slot];
       __builtin_prefetch(weights_.data() + soon);
       hint(soon);
-      const Candidate now = candidate(next_++);
+      Candidate now = ahead_[next_ % kAhead];
+      if (now.shares != version_) {
+        now = candidate(next_);  // Found with other shares than today's.
+      }
+      ++next_;
       if (now.slot < lists_[now.list].size()) {
         const std::uint32_t cell = lists_[now.list].data()[now.slot];
         if (now.level < weights_[cell]) {
@@ -209,7 +213,8 @@ class WeightedPicker {
   struct Candidate {
     std::uint32_t list;
     std::uint32_t slot;
-    std::uint32_t level;  ///< Uniform below the list's largest weight: taken when below the cell's.
+    std::uint32_t level;   ///< Uniform below the list's largest weight: taken when below the cell's.
+    std::uint32_t shares;  ///< Which shares it was found with.
   };
 
   [[nodiscard]] Candidate candidate(std::uint64_t i) const noexcept {
@@ -225,7 +230,7 @@ class WeightedPicker {
       x -= shares_[list--];
     }
     return {list, lists_[list].slot(static_cast<std::uint32_t>(word(2))),
-            static_cast<std::uint32_t>((word(3) * largest_[list]) >> 32U)};
+            static_cast<std::uint32_t>((word(3) * largest_[list]) >> 32U), version_};
   }
   void draw(std::uint64_t chunk) noexcept {
     simulator::draw_bulk(key_, static_cast<std::uint32_t>(chunk), words_[chunk % 2]);
@@ -236,8 +241,11 @@ class WeightedPicker {
     // An empty list is not drawn at all.
     const std::uint64_t slots = lists_[list].size() == 0 ? 0 : std::uint64_t{lists_[list].bound()};
     const std::uint64_t share = slots * largest_[list];
-    total_ += share - shares_[list];
-    shares_[list] = share;
+    if (share != shares_[list]) {
+      total_ += share - shares_[list];
+      shares_[list] = share;
+      ++version_;
+    }
   }
 
   simulator::RandomKey key_;
@@ -246,7 +254,8 @@ class WeightedPicker {
   std::array<std::uint32_t, kLists> largest_{};  ///< Of the weights of the sheet that belong to the list.
   std::array<std::uint64_t, kLists> shares_{};   ///< Its bound times the largest weight.
   std::uint64_t total_ = 0;
-  std::uint32_t top_ = 0;  ///< The highest list that can hold a cell.
+  std::uint32_t version_ = 1;  ///< Counts changes of the shares.
+  std::uint32_t top_ = 0;      ///< The highest list that can hold a cell.
   std::size_t size_ = 0;
   std::uint64_t next_ = 0;
   std::array<Candidate, kAhead> ahead_{};
