@@ -12,6 +12,13 @@ namespace scatter::corrosion {
 namespace {
 
 constexpr std::size_t kLargestSide = 16384;
+/// A metre: heights beyond are mistakes, and sums of a few stay finite.
+constexpr float kHighest_um = 1e6F;
+constexpr double kLargestBall_um = 1e4;
+
+bool in_reach(double height_um) {
+  return std::abs(height_um) <= static_cast<double>(kHighest_um);
+}
 
 std::unexpected<Error> invalid(std::string what, std::string remedy) {
   return fail(ErrorCode::kInvalidArgument, std::move(what), std::move(remedy));
@@ -39,11 +46,11 @@ Result<LayerStack> LayerStack::bare(std::size_t side, double extent_mm, std::vec
     return invalid(fmt::format("relief has {} values, expected {}", relief_um.size(), side * side),
                    "give one value for each cell");
   }
-  const auto bad = std::ranges::find_if_not(relief_um, [](float v) { return std::isfinite(v); });
+  const auto bad = std::ranges::find_if_not(relief_um, [](float v) { return in_reach(v); });
   if (bad != relief_um.end()) {
     return invalid(
-        fmt::format("relief: cell {} is {}, expected a finite height [um]", bad - relief_um.begin(), *bad),
-        "give finite heights");
+        fmt::format("relief: cell {} is {}, expected -1e6..1e6 [um]", bad - relief_um.begin(), *bad),
+        "give heights within the range");
   }
   return LayerStack(side, extent_mm, std::move(relief_um));
 }
@@ -53,11 +60,10 @@ Status LayerStack::check(std::span<const float> map_um, const char* what) const 
     return invalid(fmt::format("{} has {} values, expected {}", what, map_um.size(), cells()),
                    "give one value for each cell");
   }
-  const auto bad = std::ranges::find_if_not(map_um, [](float v) { return std::isfinite(v) && v >= 0; });
+  const auto bad = std::ranges::find_if_not(map_um, [](float v) { return v >= 0 && v <= kHighest_um; });
   if (bad != map_um.end()) {
-    return invalid(
-        fmt::format("{}: cell {} is {}, expected 0 or more [um]", what, bad - map_um.begin(), *bad),
-        "give finite values that are not negative");
+    return invalid(fmt::format("{}: cell {} is {}, expected 0..1e6 [um]", what, bad - map_um.begin(), *bad),
+                   "give values within the range");
   }
   return {};
 }
@@ -114,17 +120,17 @@ double LayerStack::raise_to(PatinaMaterial material, std::span<const float> targ
 }
 
 Result<double> LayerStack::fill(PatinaMaterial material, double level_um) {
-  if (!std::isfinite(level_um)) {
-    return invalid(fmt::format("fill: level_um is {}, expected a finite height", level_um),
-                   "give a finite level");
+  if (!in_reach(level_um)) {
+    return invalid(fmt::format("fill: level_um is {}, expected -1e6..1e6", level_um),
+                   "choose a level within the range");
   }
   return raise_to(material, std::vector<float>(cells(), static_cast<float>(level_um)));
 }
 
 Result<double> LayerStack::polish(double level_um) {
-  if (!std::isfinite(level_um)) {
-    return invalid(fmt::format("polish: level_um is {}, expected a finite height", level_um),
-                   "give a finite level");
+  if (!in_reach(level_um)) {
+    return invalid(fmt::format("polish: level_um is {}, expected -1e6..1e6", level_um),
+                   "choose a level within the range");
   }
   const std::vector<float> before = surface_um();
   double sum = 0;
@@ -148,8 +154,9 @@ Result<double> LayerStack::polish(double level_um) {
 }
 
 Result<double> LayerStack::offset(PatinaMaterial material, double radius_um) {
-  if (!(radius_um >= 0) || !std::isfinite(radius_um)) {
-    return invalid(fmt::format("offset: radius_um is {}, expected 0 or more", radius_um), "give a radius");
+  if (!(radius_um >= 0 && radius_um <= kLargestBall_um)) {
+    return invalid(fmt::format("offset: radius_um is {}, expected 0..{}", radius_um, kLargestBall_um),
+                   "choose a radius within the range");
   }
   return raise_to(material, closed_by_ball(surface_um(), side_, cell_um(), radius_um));
 }

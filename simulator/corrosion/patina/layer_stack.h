@@ -34,7 +34,7 @@ class LayerStack {
                                                std::vector<float> relief_um);
 
   /// Adds `thickness_um` on top: to the topmost layer if that is of this material, else as a new layer.
-  /// Errors  kInvalidArgument where a thickness is negative or not finite, or their number is not cells().
+  /// Errors  kInvalidArgument where a thickness is outside 0..1e6 um, or their number is not cells().
   Result<double> coat(PatinaMaterial material, std::span<const float> thickness_um);
   /// Takes `depth_um` from the top downward, through as many layers as it takes, down to the metal and no
   /// deeper.

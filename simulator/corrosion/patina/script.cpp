@@ -17,6 +17,9 @@ namespace {
 
 using Operator = ScriptStep::Operator;
 
+/// On one cell in one step: more would take hours.
+constexpr double kMostParticles = 10000;
+
 struct Grammar {
   std::string_view name;
   Operator operation;
@@ -76,8 +79,21 @@ Status check_rate(std::size_t number, const ScriptStep& step) {
   if (const Status status = in_range(number, "years", step.years, 0, 1000); !status) {
     return status;
   }
-  return step.operation == Operator::kCoat ? in_range(number, "particle", step.particle_um, 0.01, 20)
-                                           : Status{};
+  if (step.operation != Operator::kCoat || step.deposition == Deposition::kSteady) {
+    return {};
+  }
+  if (const Status status = in_range(number, "particle", step.particle_um, 0.01, 20); !status) {
+    return status;
+  }
+  const double particles =
+      static_cast<double>(*std::ranges::max_element(step.rate.values)) * step.years / step.particle_um;
+  if (particles > kMostParticles) {
+    return wrong(
+        number,
+        fmt::format("{:g} particles would fall on a cell, expected at most {:g}", particles, kMostParticles),
+        "choose a larger particle");
+  }
+  return {};
 }
 
 std::optional<double> number_of(std::string_view text) {

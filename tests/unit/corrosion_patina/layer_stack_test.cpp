@@ -134,7 +134,7 @@ TEST_CASE(
 TEST_CASE("Offsetting a flat surface, and any surface by a ball finer than the cells, changes nothing") {
   LayerStack flat = *LayerStack::bare(kSide, 2.4);
   REQUIRE(flat.coat(PatinaMaterial::kTarnish, std::vector<float>(kCells, 2.5F)));
-  CHECK(*flat.offset(PatinaMaterial::kTarnish, 1e5) == 0);
+  CHECK(*flat.offset(PatinaMaterial::kTarnish, 1e4) == 0);
   LayerStack rough = two_layers();  // Cells of 100 um.
   CHECK(*rough.offset(PatinaMaterial::kTarnish, 90) == 0);
 }
@@ -185,12 +185,14 @@ TEST_CASE("A map of the wrong size, negative or not a number is refused and chan
   CHECK(stack.coat(PatinaMaterial::kTarnish, std::vector<float>(3)).error().what ==
         "coat has 3 values, expected 576");
   bad[5] = -1;
-  CHECK(stack.erode(bad).error().what == "erode: cell 5 is -1, expected 0 or more [um]");
+  CHECK(stack.erode(bad).error().what == "erode: cell 5 is -1, expected 0..1e6 [um]");
   bad[5] = std::numeric_limits<float>::quiet_NaN();
   CHECK(stack.coat(PatinaMaterial::kTarnish, bad).error().code == ErrorCode::kInvalidArgument);
   CHECK_FALSE(stack.fill(PatinaMaterial::kTarnish, std::numeric_limits<double>::infinity()));
   CHECK_FALSE(stack.polish(std::numeric_limits<double>::quiet_NaN()));
   CHECK_FALSE(stack.offset(PatinaMaterial::kTarnish, -1));
+  CHECK_FALSE(stack.fill(PatinaMaterial::kTarnish, 1e300));
+  CHECK_FALSE(stack.offset(PatinaMaterial::kTarnish, 1e5));
   CHECK(stack.surface_um() == before);
   CHECK(stack.layers().size() == 2);
   CHECK_FALSE(LayerStack::bare(0, 1));

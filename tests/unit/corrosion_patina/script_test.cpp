@@ -88,7 +88,8 @@ TEST_CASE("What is not understood is refused with the step's number and its form
   CHECK(beyond.error().what.starts_with("script: step 2: "));
   CHECK(stack.mean_um(PatinaMaterial::kTarnish) == Approx(2));
   CHECK_FALSE(apply(stack, *script_from("coat:tarnish,rate=1,years=1e9"), 1));
-  CHECK_FALSE(apply(stack, *script_from("coat:tarnish,rate=1,years=1,particle=0"), 1));
+  CHECK_FALSE(apply(stack, *script_from("coat:tarnish,rate=1,years=1,deposition=random,particle=0"), 1));
+  CHECK_FALSE(apply(stack, *script_from("coat:tarnish,rate=900,years=900,deposition=ballistic"), 1));
   CHECK_FALSE(apply(stack, *script_from("offset:tarnish,radius=-1"), 1));
 }
 
