@@ -6,6 +6,7 @@
 #include <memory>
 #include <numeric>
 #include <random>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -142,6 +143,23 @@ std::vector<Figure> batch(std::string_view set) {
                                             }
                                           }});
   figures.push_back(single);
+  // What users have: omega_o over the hemisphere at one omega_i.
+  const reflectance::Direction omega_i = reflectance::from_spherical(reflectance::radians(33), 0.1);
+  std::vector<search::Point> scan;
+  for (double theta_o = 0.3; theta_o < 75; theta_o += 0.75) {
+    for (double phi_o = 0; phi_o < 360; phi_o += 0.5) {
+      scan.push_back(search::point_of(
+          omega_i, reflectance::from_spherical(reflectance::radians(theta_o), reflectance::radians(phi_o))));
+    }
+  }
+  const std::span<search::Neighbor> found = std::span(rows).first(scan.size() * kNeighbors);
+  figures.push_back(
+      run_contest(fmt::format("knn.batch.scan.{}", set),
+                  Contest{.unit = "queries/s",
+                          .work = static_cast<double>(scan.size()),
+                          .ours = [&] { keep(index.nearest_batch(scan, kNeighbors, found, 1).has_value()); },
+                          .peer = "one query at a time, same order",
+                          .theirs = [&] { keep(search_all(index, scan)); }}));
   return figures;
 }
 

@@ -34,9 +34,6 @@ constexpr std::size_t kLanes = hn::MaxLanes(kFloats);
 constexpr std::size_t kKeyLanes = hn::MaxLanes(kKeys);
 constexpr std::size_t kSteps = kFanOut / kLanes;
 
-// A batch stops looking back for a while when a query took in so many points all the same.
-constexpr std::size_t kUselessPerNeighbor = 2;
-constexpr std::size_t kPause = 16;
 constexpr int kFewLanes = 3;  // Up to here a loop over the lanes is faster than a vector's minimum.
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
@@ -86,9 +83,9 @@ HWY_INLINE FloatVector to_shared_points(const Query& q, FloatVector incident, co
   return hn::Add(incident, hn::Add(hn::Mul(x, x), hn::Mul(y, y)));
 }
 
-HWY_INLINE FloatVector to_side(const Query& q, const Node& node, std::size_t a, std::size_t first) {
-  const FloatVector below = hn::Sub(hn::Load(kFloats, node.lo[a] + first), q.x[a]);
-  const FloatVector above = hn::Sub(q.x[a], hn::Load(kFloats, node.hi[a] + first));
+HWY_INLINE FloatVector to_side(FloatVector q, const float* lo, const float* hi) {
+  const FloatVector below = hn::Sub(hn::Load(kFloats, lo), q);
+  const FloatVector above = hn::Sub(q, hn::Load(kFloats, hi));
   const FloatVector d = hn::Max(hn::Max(below, above), hn::Zero(kFloats));
   return hn::Mul(d, d);
 }
@@ -97,10 +94,12 @@ HWY_INLINE FloatVector to_side(const Query& q, const Node& node, std::size_t a, 
 // operations are those of to_points, so that no point in a box is ever nearer than their sum; where
 // all points in a box share omega_i, its part is exactly theirs.
 HWY_INLINE FloatVector to_incident_sides(const Query& q, const Node& node, std::size_t first) {
-  return hn::Add(to_side(q, node, 0, first), to_side(q, node, 1, first));
+  return hn::Add(to_side(q.x[0], node.lo[0] + first, node.hi[0] + first),
+                 to_side(q.x[1], node.lo[1] + first, node.hi[1] + first));
 }
 HWY_INLINE FloatVector to_outgoing_sides(const Query& q, const Node& node, std::size_t first) {
-  return hn::Add(to_side(q, node, 2, first), to_side(q, node, 3, first));
+  return hn::Add(to_side(q.x[2], node.lo[2] + first, node.hi[2] + first),
+                 to_side(q.x[3], node.lo[3] + first, node.hi[3] + first));
 }
 
 // Bit k is set where lane k holds.
@@ -138,7 +137,9 @@ class FewNearest {
 
   /// Takes in what `bits` marks among `distances`.
   HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
-    const std::uint32_t* ids = leaf.ids();
+    take(bits, distances, leaf.ids());
+  }
+  HWY_INLINE void take(std::uint64_t bits, const float* distances, const std::uint32_t* ids) {
     KeyVector key[kVectors];
     for (std::size_t v = 0; v < kVectors; ++v) {
       key[v] = hn::Load(kKeys, keys_ + v * kKeyLanes);
@@ -217,23 +218,20 @@ class FewNearest {
   std::size_t last_ = 0;
 };
 
-// The same, and where the points lie: how far the next query is from them limits its search from
-// the start.
+// The same, and where the points lie: how far another query is from them limits its search.
 template <std::size_t kCapacity>
-class RowNearest : public FewNearest<kCapacity> {
+class PlacedNearest : public FewNearest<kCapacity> {
  public:
   using FewNearest<kCapacity>::FewNearest;
 
   void start() {
     FewNearest<kCapacity>::start();
-    taken_ = 0;
     count_ = 0;
     full_ = false;
   }
 
   HWY_INLINE void take(std::uint64_t bits, const float* distances, const Leaf& leaf) {
     FewNearest<kCapacity>::take(bits, distances, leaf);
-    taken_ += static_cast<std::size_t>(std::popcount(bits));
     for (; bits != 0 && count_ < kRoom; bits &= bits - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
       distance_[count_] = distances[lane];
@@ -250,15 +248,23 @@ class RowNearest : public FewNearest<kCapacity> {
     }
   }
 
-  /// Points that were taken in since the start.
-  [[nodiscard]] std::size_t taken() const { return taken_; }
-
-  /// Upper limit of the k-th distance from another place, infinity when not known.
-  HWY_INLINE float limit_at(const Query& q, std::size_t k) {
+  /// Whether at least k points were found and their places are all known.
+  bool knows(std::size_t k) {
     forget();
-    if (count_ < k || full_) {
-      return kInfinity;
+    return count_ >= k && !full_;
+  }
+
+  /// Box of the points found, once `knows`.
+  void bound(Box& box) const {
+    for (std::size_t a = 0; a < kAxes; ++a) {
+      const auto [lo, hi] = std::minmax_element(at_[a], at_[a] + count_);
+      box.lo[a] = *lo;
+      box.hi[a] = *hi;
     }
+  }
+
+  /// Upper limit of the k-th distance from another place, once `knows`.
+  HWY_INLINE float limit_at(const Query& q) const {
     FloatVector most = hn::Zero(kFloats);
     for (std::size_t n = 0; n < count_; n += kLanes) {
       const FloatVector d = sum_of_squares(
@@ -286,7 +292,6 @@ class RowNearest : public FewNearest<kCapacity> {
     count_ = kept;
   }
 
-  std::size_t taken_ = 0;
   std::size_t count_ = 0;
   bool full_ = false;
   alignas(64) float distance_[kRoom];

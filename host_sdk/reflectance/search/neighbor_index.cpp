@@ -22,7 +22,9 @@ bool is_finite(const Point& p) noexcept {
 }
 
 constexpr std::size_t kMostPoints = std::numeric_limits<std::uint32_t>::max();
-constexpr std::size_t kRowsPerTask = 1024;  // Of a batch: some 100 us of work.
+constexpr std::size_t kLeastRowsPerTask = 1024;
+constexpr std::size_t kTasksPerThread = 4;
+constexpr std::size_t kRowsPerTask = 32768;  // Of a batch: the more, the more queries share their leaves.
 constexpr const char* kRemedy = "leave out samples without a direction";
 
 std::string not_finite(std::size_t number, const Point& p) {
@@ -148,13 +150,18 @@ Status NeighborIndex::nearest_batch(std::span<const Point> queries, std::size_t 
     nearest_rows(state_->tree, queries.data() + range.begin(), range.size(), k,
                  out.data() + range.begin() * k);
   };
-  if (threads == 1 || queries.size() <= kRowsPerTask) {
-    rows({0, queries.size()});
+  if (threads == 1 || queries.size() <= kLeastRowsPerTask) {
+    for (std::size_t begin = 0; begin < queries.size(); begin += kRowsPerTask) {
+      rows({begin, std::min(begin + kRowsPerTask, queries.size())});
+    }
     return {};
   }
   tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : static_cast<int>(threads));
+  const std::size_t share =
+      queries.size() / (kTasksPerThread * static_cast<std::size_t>(arena.max_concurrency()));
+  const std::size_t rows_per_task = std::clamp(share, kLeastRowsPerTask, kRowsPerTask);
   arena.execute(
-      [&] { tbb::parallel_for(tbb::blocked_range<std::size_t>(0, queries.size(), kRowsPerTask), rows); });
+      [&] { tbb::parallel_for(tbb::blocked_range<std::size_t>(0, queries.size(), rows_per_task), rows); });
   return {};
 }
 

@@ -97,7 +97,8 @@ class NeighborIndex {
   void find(const Point& point, std::vector<std::uint32_t>& out) const;
   [[nodiscard]] bool contains(const Point& point, std::uint32_t id) const noexcept;
 
-  /// `nearest` of many queries; queries that lie near the one before them start from what that one found.
+  /// `nearest` of many queries, which need not be sorted; those that lie near one another, as the rows
+  /// of a scan, share much of the work.
   /// Shape    out.size() == queries.size() * k: row q holds the neighbours of query q; where there
   ///          are fewer than k (see `nearest`), the rest of the row is {infinity, 2^32 - 1}.
   /// Range    threads >= 1; 0 means one per processor.

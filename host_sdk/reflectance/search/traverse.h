@@ -10,8 +10,9 @@
 
 namespace scatter::search {
 
-/// `count` rows of k neighbours, each filled up with {infinity, 2^32 - 1}; each query starts from
-/// what the one before it found.
+/// `count` rows of k neighbours, each filled up with {infinity, 2^32 - 1}; queries of the same leaves
+/// share work.
+/// Range  count < 2^32.
 void nearest_rows(const Tree& tree, const Point* queries, std::size_t count, std::size_t k, Neighbor* out);
 
 /// NeighborIndex::nearest.

@@ -54,6 +54,37 @@ TEST_CASE("A batch gives each query what it gives alone, with any number of thre
   }
 }
 
+TEST_CASE("A batch finds its neighbours among coincident points, duplicates and far queries") {
+  std::mt19937 random(4);
+  std::vector<Point> lattice(4000);
+  for (Point& p : lattice) {
+    p = lattice_point(random);
+  }
+  std::vector<Point> queries(lattice.begin(), lattice.begin() + 1500);
+  for (std::size_t n = 0; n < queries.size(); n += 3) {
+    queries[n] = {0.5F + static_cast<float>(n) * 1e-5F, 20, -0.25F, 0.125F};
+  }
+  for (const std::vector<Point>& points :
+       {lattice, std::vector<Point>(1000, Point{0.5F, 0, -0.25F, 0.125F})}) {
+    const NeighborIndex index = *NeighborIndex::build(points);
+    for (const std::size_t k : {1U, 10U, 32U}) {
+      check_batch(index, queries, k, 1);
+    }
+  }
+}
+
+// A group of such queries is wide and shares few leaves; an unsorted batch is put in order first.
+TEST_CASE("A batch of unsorted queries over a large index gives each what it gives alone") {
+  std::mt19937 random(5);
+  std::vector<Point> queries(20000);
+  for (Point& q : queries) {
+    q = random_point(random);
+  }
+  for (const std::vector<Point>& points : {goniometric(1), random_points(60000, 9)}) {
+    check_batch(*NeighborIndex::build(points), queries, 10, 1);
+  }
+}
+
 TEST_CASE("A batch on an empty index or with k of zero fills the rows up") {
   const NeighborIndex index;
   check_batch(index, mixed_queries(), 3, 2);

@@ -123,6 +123,40 @@ TEST_CASE("Points added in the order of a scan are found as any others") {
   }
 }
 
+// Leaves of one incidence become mixed and pure again.
+TEST_CASE("Points between the incidences of a goniometer are found as long as they are there") {
+  std::vector<Point> points = goniometric(5);
+  NeighborIndex index = *NeighborIndex::build(points);
+  BruteForce all(points);
+  std::mt19937 random(14);
+  std::vector<Point> between(400);
+  std::uint32_t id = 100000;
+  for (Point& p : between) {
+    // Beside a measured point, in one component of omega_i, or exactly on it.
+    p = points[random() % points.size()];
+    p.x_i += static_cast<float>(id % 3) * 0.01F;
+    p.y_i += static_cast<float>(id % 2) * 0.01F;
+    REQUIRE(index.add(p, id).has_value());
+    all.add(p, id++);
+    if (id % 20 == 0) {
+      check_same(index, all, p);
+      check_same(index, all, random_point(random));
+    }
+  }
+  for (id = 100000; const Point& p : between) {
+    REQUIRE(index.contains(p, id));
+    REQUIRE(index.remove(p, id));
+    REQUIRE(all.remove(p, id));
+    if (++id % 20 == 0) {
+      check_same(index, all, p);
+      check_same(index, all, random_point(random));
+    }
+  }
+  for (int n = 0; n < 100; ++n) {
+    check_same(index, all, random_point(random));
+  }
+}
+
 TEST_CASE("Rebuilding and moving keep the entries; clearing gives memory back") {
   NeighborIndex index;
   BruteForce all;
