@@ -298,6 +298,15 @@ void Bench::expected_electrons(const Exposure& exposure, std::span<float> electr
   });
 }
 
+void Bench::put(std::shared_ptr<const Sample> sample) {
+  parts_->options.sample = std::move(sample);
+  parts_->images = std::vector<Parts::HeadImage>(parts_->truth.heads.size());
+}
+
+const std::shared_ptr<const Sample>& Bench::sample() const noexcept {
+  return parts_->options.sample;
+}
+
 Bench::Temperatures Bench::temperatures(std::uint64_t scheduled_us) const noexcept {
   const double time_s = 1e-6 * static_cast<double>(scheduled_us);
   const auto reference = parts_->descriptor.sensor.reference_temperature_mK;

@@ -53,7 +53,7 @@ struct Exposure {
 };
 
 /// Threads   const functions and `expose` may be called from any number of threads; the result of an
-///           exposure depends on its arguments and the options alone, never on earlier calls, the
+///           exposure depends on its arguments, the options and the sample alone, never on earlier calls, the
 ///           window or the number of threads.
 class Bench {
  public:
@@ -73,6 +73,11 @@ class Bench {
 
   /// Expected electrons of the same exposure before noise, saturation and non-linearity [e-].
   void expected_electrons(const Exposure& exposure, std::span<float> electrons);
+
+  /// Puts another sample in the place of the one before; exposures from now on see it. Not while one is
+  /// taken. Range     not null, on the same side of the light as the first one.
+  void put(std::shared_ptr<const Sample> sample);
+  [[nodiscard]] const std::shared_ptr<const Sample>& sample() const noexcept;
 
   struct Temperatures {
     std::int32_t sensor_mK = 0;

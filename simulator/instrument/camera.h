@@ -55,6 +55,8 @@ class Camera final : public firmware::Sensor,
 
   /// The device restarts: LEDs off, exposure under way cancelled.
   void reset() noexcept;
+  /// Somebody has put a sample under the instrument just now.
+  void sample_placed() noexcept { placed_us_ = scheduled_us_; }
   /// Exposures begun since power-on.
   [[nodiscard]] std::uint64_t exposures() const noexcept { return exposures_; }
   [[nodiscard]] std::uint64_t scheduled_us() const noexcept { return scheduled_us_; }

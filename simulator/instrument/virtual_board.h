@@ -28,6 +28,7 @@ class VirtualBoard {
   VirtualBoard& operator=(const VirtualBoard&) = delete;
 
   [[nodiscard]] firmware::Ports ports() noexcept;
+  [[nodiscard]] Bench& bench() noexcept { return *bench_; }
   [[nodiscard]] VirtualClock& clock() noexcept { return clock_; }
   [[nodiscard]] VirtualLink& link() noexcept { return link_; }
   [[nodiscard]] Camera& camera() noexcept { return camera_; }

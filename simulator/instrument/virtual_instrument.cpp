@@ -8,6 +8,7 @@
 #include "firmware/core/instrument.h"
 #include "simulator/instrument/past_calibration.h"
 #include "simulator/instrument/virtual_board.h"
+#include "simulator/samples/sample.h"
 
 namespace scatter::simulator {
 namespace {
@@ -84,6 +85,23 @@ std::size_t VirtualInstrument::readable() {
 }
 std::size_t VirtualInstrument::writable() {
   return board_->link().writable();
+}
+
+std::shared_ptr<const Sample> VirtualInstrument::sample() const noexcept {
+  return board_->bench().sample();
+}
+
+Status VirtualInstrument::put(std::shared_ptr<const Sample> sample) {
+  if (sample->transmits() != this->sample()->transmits()) {
+    return fail(
+        ErrorCode::kFailedPrecondition,
+        "simulated instrument: a sample that reflects cannot follow one that transmits, nor the other "
+        "way round",
+        "open another instrument for it");
+  }
+  board_->bench().put(std::move(sample));
+  board_->camera().sample_placed();
+  return {};
 }
 
 std::uint64_t VirtualInstrument::now_us() const noexcept {

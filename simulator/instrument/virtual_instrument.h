@@ -16,6 +16,7 @@ struct Ports;
 
 namespace scatter::simulator {
 
+class Sample;
 class VirtualBoard;
 
 /// One simulated instrument and its carrier's host end.
@@ -64,6 +65,12 @@ class VirtualInstrument {
   /// 2026-01-01T00:00:00Z at power-on, then with now_us().
   [[nodiscard]] std::uint64_t unix_time_us() const noexcept { return kPowerOnUnixUs + now_us(); }
   [[nodiscard]] ClockMode clock_mode() const noexcept;
+
+  /// What lies under the instrument.
+  [[nodiscard]] std::shared_ptr<const Sample> sample() const noexcept;
+  /// Takes it away and puts another one there. Errors: kFailedPrecondition when one of them transmits and the
+  /// other does not.
+  [[nodiscard]] Status put(std::shared_ptr<const Sample> sample);
 
   /// The parts, for tests and for whoever wants to look inside.
   [[nodiscard]] VirtualBoard& board() noexcept { return *board_; }

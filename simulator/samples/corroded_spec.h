@@ -17,19 +17,12 @@ namespace scatter::simulator {
 struct CorrodedSample {
   corrosion::GrowthOptions growth;  ///< age_years is the sample's age.
   corrosion::AppearanceOptions appearance;
-  SheetOptics optics;
+  /// Smoother metal than this drives HS-1 into saturation about the peak of the 60 deg head.
+  SheetOptics optics{.metal = "iron", .metal_alpha = 0.2, .backing = 0};
   std::optional<Place> place = Place{};  ///< Nothing: the whole sheet at once (spot=whole).
 };
 
-/// Diameter of the spot that grids are made for [mm]: HS-1's.
-inline constexpr double kSpotMm = 3;
-/// Cells across a spot's diameter at least.
-inline constexpr double kCellsPerSpot = 50;
-
-/// Cells along each side when the text does not say: the next power of two that keeps kCellsPerSpot.
-[[nodiscard]] std::size_t side_for(double extent_mm) noexcept;
-
-/// Reads "corroded:KEY=VALUE,..."; keys, defaults and ranges: docs/corrosion.md, "Under the instrument".
+/// Reads "corroded:KEY=VALUE,..."; keys, defaults and ranges: docs/spots.md.
 /// Errors    kInvalidArgument naming the key, what was found and its range; side= too coarse for the spot;
 ///           those of reading the maps.
 [[nodiscard]] Result<CorrodedSample> parse_corroded(std::string_view spec);
@@ -38,8 +31,5 @@ inline constexpr double kCellsPerSpot = 50;
 /// of one sheet share one growth and one set of maps, which go when the last of them does. Errors    those of
 /// Growth::run. Threads   any; the same sheet is never grown twice at the same time.
 [[nodiscard]] Result<std::shared_ptr<const TexturedSheet>> corroded_sheet(const CorrodedSample& sample);
-
-/// Sheets grown by this process so far: for tests of the sharing.
-[[nodiscard]] std::size_t sheets_grown() noexcept;
 
 }  // namespace scatter::simulator

@@ -2,14 +2,17 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 
 #include "simulator/samples/corroded_spec.h"
+#include "simulator/samples/patina_spec.h"
 
 namespace scatter::simulator {
 namespace {
 
 constexpr std::string_view kCorroded = "corroded:";
+constexpr std::string_view kPatina = "patina:";
 constexpr std::string_view kSpot = "spot=";
 
 std::optional<double> share(std::string_view text) noexcept {
@@ -21,22 +24,27 @@ std::optional<double> share(std::string_view text) noexcept {
   return value;
 }
 
-}  // namespace
-
-bool is_textured_spec(std::string_view spec) noexcept {
-  return spec.starts_with(kCorroded);
-}
-
-Result<std::shared_ptr<const TexturedSurface>> make_textured_surface(std::string_view spec) {
-  const auto sample = parse_corroded(spec);
+template <typename Spec, typename Sheet>
+Result<std::shared_ptr<const TexturedSurface>> made(const Result<Spec>& sample, const Sheet& sheet_of) {
   if (!sample) {
     return std::unexpected(sample.error());
   }
-  const auto sheet = corroded_sheet(*sample);
+  const auto sheet = sheet_of(*sample);
   if (!sheet) {
     return std::unexpected(sheet.error());
   }
   return std::make_shared<const TexturedSurface>(*sheet, sample->place);
+}
+
+}  // namespace
+
+bool is_textured_spec(std::string_view spec) noexcept {
+  return spec.starts_with(kCorroded) || spec.starts_with(kPatina);
+}
+
+Result<std::shared_ptr<const TexturedSurface>> make_textured_surface(std::string_view spec) {
+  return spec.starts_with(kPatina) ? made(parse_patina(spec), patina_sheet)
+                                   : made(parse_corroded(spec), corroded_sheet);
 }
 
 std::string spec_at(std::string_view spec, const Place& place) {

@@ -10,10 +10,10 @@
 
 namespace scatter::simulator {
 
-/// True when the text starts with "corroded:"; says nothing about the rest.
+/// True when the text starts with "corroded:" or "patina:"; says nothing about the rest.
 [[nodiscard]] bool is_textured_spec(std::string_view spec) noexcept;
 
-/// Errors    those of parse_corroded and corroded_sheet.
+/// Errors    those of parse_corroded and corroded_sheet, parse_patina and patina_sheet.
 [[nodiscard]] Result<std::shared_ptr<const TexturedSurface>> make_textured_surface(std::string_view spec);
 
 /// The spec with another place: its spot= replaced, or added.

@@ -4,10 +4,15 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <string>
 #include <string_view>
 
 #include "simulator/samples/aspect.h"
+#include "simulator/samples/corroded_spec.h"
+#include "simulator/samples/patina_spec.h"
 #include "simulator/samples/sample.h"
+#include "simulator/samples/spec_sheet.h"
+#include "simulator/samples/textured_spec.h"
 
 namespace {
 
@@ -23,12 +28,41 @@ bool within(double value, double high) {
   return value >= 0 && value <= high;
 }
 
+/// Sheets are not grown here, only read: what is accepted is in range and has a place that its text can be
+/// given.
+template <typename Spec>
+void check_sheet(std::string_view spec, const Result<Spec>& read) {
+  if (!read) {
+    require(!read.error().what.empty() && !read.error().remedy.empty());
+    return;
+  }
+  const auto& growth = read->growth;
+  require(growth.extent_mm >= simulator::kSpotMm && within(growth.age_years, 100));
+  require(static_cast<double>(growth.side) * simulator::kSpotMm + 1e-6 >=
+          growth.extent_mm * simulator::kCellsPerSpot);
+  require(within(read->optics.metal_alpha, 1) && within(read->optics.backing, 1));
+  require(!read->place || (within(read->place->u, 1) && within(read->place->v, 1)));
+  const simulator::Place place{0.25, 0.75};
+  const std::string moved = simulator::spec_at(spec, place);
+  const auto again = simulator::parse_corroded(moved);
+  require(!moved.starts_with("corroded:") ||
+          (again && again->place && again->place->u == 0.25 && again->place->v == 0.75));
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view spec(reinterpret_cast<const char*>(data), size);
   if (spec.starts_with("file:")) {
     return 0;  // The readers of files have fuzz targets of their own.
+  }
+  if (simulator::is_textured_spec(spec)) {
+    if (spec.starts_with("patina:")) {
+      check_sheet(spec, simulator::parse_patina(spec));
+    } else {
+      check_sheet(spec, simulator::parse_corroded(spec));
+    }
+    return 0;
   }
   const auto sample = simulator::Sample::make(spec);
   if (!sample) {

@@ -108,22 +108,30 @@ std::unique_ptr<device::Transport> make_sim_transport(
   return std::make_unique<SimTransport>(std::move(instrument));
 }
 
+Result<std::shared_ptr<VirtualInstrument>> make_sim_instrument(const device::Uri& uri) {
+  if (uri.scheme != "sim" || !uri.place.empty()) {
+    return fail(ErrorCode::kInvalidArgument,
+                fmt::format("{}: a simulated instrument has no place", uri.text()),
+                fmt::format("write sim:?sample={}", uri.place));
+  }
+  const auto options = simulator::parse_instrument_options(uri.query);
+  if (!options) {
+    return std::unexpected(options.error());
+  }
+  auto instrument = VirtualInstrument::make(*options);
+  if (!instrument) {
+    return std::unexpected(std::move(instrument.error()));
+  }
+  return std::move(*instrument);
+}
+
 void register_sim_scheme(device::TransportRegistry& registry) {
   registry.add(
       {.name = "sim",
        .example = "sim:?sample=ggx:alpha=0.2,f0=0.04,albedo=0.3&seed=1",
        .summary = "a simulated instrument inside this program",
        .open = [](const device::Uri& uri, const device::Wait&) -> Result<std::unique_ptr<device::Transport>> {
-         if (!uri.place.empty()) {
-           return fail(ErrorCode::kInvalidArgument,
-                       fmt::format("sim:{}: a simulated instrument has no place", uri.place),
-                       fmt::format("write sim:?sample={}", uri.place));
-         }
-         auto options = simulator::parse_instrument_options(uri.query);
-         if (!options) {
-           return std::unexpected(std::move(options.error()));
-         }
-         auto instrument = VirtualInstrument::make(*options);
+         auto instrument = make_sim_instrument(uri);
          if (!instrument) {
            return std::unexpected(std::move(instrument.error()));
          }

@@ -21,6 +21,11 @@ namespace scatter::tools {
 [[nodiscard]] std::unique_ptr<device::Transport> make_sim_transport(
     std::shared_ptr<simulator::VirtualInstrument> instrument);
 
+/// Switches on the instrument that a `sim:` URI describes.
+/// Errors  kInvalidArgument: another scheme, a place, an unknown key; those of VirtualInstrument::make.
+[[nodiscard]] Result<std::shared_ptr<simulator::VirtualInstrument>> make_sim_instrument(
+    const device::Uri& uri);
+
 /// Makes `sim:` known: "sim:" or "sim:?sample=...&seed=..."; see simulator/instrument_options.h. Each
 /// opening switches on a fresh instrument.
 void register_sim_scheme(device::TransportRegistry& registry);
