@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs the released command against the promises of the main walk and prints one row per promise.
 
-    acceptance.py SCATTER [--seeds N] [--instruments N] [--only WORD]
+    acceptance.py SCATTER [--seeds N] [--instruments N] [--spots N] [--only WORD]
 
 Every limit below is a promise (README, docs/accuracy.md), none comes from an earlier run. Exit status
 0 when all hold, 1 otherwise. Real data: SCATTER_REAL_DATA, else ../shared/data beside the repository.
@@ -30,8 +30,8 @@ class Walk:
         self.rows = []
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="scatter-acceptance-"))
 
-    def call(self, *arguments, expect=0):
-        done = subprocess.run([self.scatter, *arguments], capture_output=True, text=True, timeout=300)
+    def call(self, *arguments, expect=0, timeout=300):
+        done = subprocess.run([self.scatter, *arguments], capture_output=True, text=True, timeout=timeout)
         if expect is not None and done.returncode != expect:
             raise RuntimeError(f"{' '.join(arguments)}: exit {done.returncode}: {done.stderr.strip()}")
         return json.loads(done.stdout) if done.stdout.strip().startswith("{") else {}
@@ -196,17 +196,48 @@ def coverage(walk, instruments):
     walk.row(f"coverage over {instruments} drawn instruments", 0.93 <= mean <= 0.97, f"{100 * mean:.1f} % of bins")
 
 
+def corrosion(walk, spots):
+    """A steel sheet that rusts: what the instrument sees over the years, and whether it sees what is there."""
+    looks = []
+    worst = {}
+    for age in (0, 1, 5, 10, 20):
+        spec = f"corroded:age={age},corrosivity=medium,starting_points=30,seed=1"
+        out = walk.folder / f"corrosion_{age}"
+        result = walk.call("measure", f"sim:?sample={spec}&seed=1", "-o", str(out), "--spots", str(spots), "--json",
+                           timeout=3600)
+        for k in range(0, spots, max(1, spots // 4)):
+            spot = result["spots"][k]
+            c = walk.compare(pathlib.Path(spot["folder"]), spot["sample"])
+            walk.check_comparison(f"age {age} spot {k + 1} against its truth", c)
+        rows = {row["theta_i_deg"]: row["channels"] for row in result["spread"]}
+        angles = sorted(rows)
+        # Peaks at the oblique incidences (the blind disc lies on that of the 0 deg head); diffuse parts at all.
+        peaks = [c["peak_per_sr"]["mean"] for a in angles if a > 1 for c in rows[a]]
+        diffuse = [c["diffuse_per_sr"]["mean"] for a in angles for c in rows[a]]
+        spread = max(c["albedo"]["standard_deviation"] / c["albedo"]["mean"] for a in angles for c in rows[a])
+        looks.append((age, peaks, diffuse, spread))
+        shutil.rmtree(out)
+    for (a, peaks_a, diffuse_a, _), (b, peaks_b, diffuse_b, spread) in zip(looks, looks[1:]):
+        red = [k for k in range(len(diffuse_a)) if k % 3 == 0]
+        walk.row(f"age {a} to {b}: peaks fall", all(y < x for x, y in zip(peaks_a, peaks_b)),
+                 f"mean of {spots} spots, red at 40 deg: {peaks_a[3]:.3f} to {peaks_b[3]:.3f} /sr")
+        walk.row(f"age {a} to {b}: the diffuse part rises", all(diffuse_b[k] > diffuse_a[k] for k in red),
+                 f"red at 40 deg: {diffuse_a[6]:.4f} to {diffuse_b[6]:.4f} /sr, spots differ by {100 * spread:.0f} %")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("scatter")
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--instruments", type=int, default=100)
+    parser.add_argument("--spots", type=int, default=20)
     parser.add_argument("--only")
     options = parser.parse_args()
     walk = Walk(options.scatter)
     parts = {"accuracy": lambda: accuracy(walk, options.seeds), "film": lambda: film(walk), "real_data": lambda: real_data(walk),
              "tilt": lambda: tilt(walk), "flags": lambda: flags(walk), "time": lambda: time(walk),
              "repeatable": lambda: repeatable(walk), "any_calibration": lambda: any_calibration(walk),
+             "corrosion": lambda: corrosion(walk, options.spots),
              "coverage": lambda: coverage(walk, options.instruments)}
     try:
         for name, part in parts.items():

@@ -14,6 +14,8 @@
 #include "host_sdk/reflectance/estimators/scattered_brdf.h"
 #include "host_sdk/reflectance/estimators/symmetry.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
+#include "simulator/samples/sample_brdf.h"
+#include "simulator/samples/textured_spec.h"
 #include "tools/scatter/grid_of.h"
 
 namespace scatter::cli {
@@ -90,6 +92,13 @@ void add_preparation_options(CLI::App& app, PreparationOptions& options) {
 }
 
 Result<std::shared_ptr<const Brdf>> open_data(const std::string& path_or_spec) {
+  if (simulator::is_textured_spec(path_or_spec)) {
+    auto truth = simulator::SampleBrdf::make(path_or_spec);
+    if (!truth) {
+      return std::unexpected(truth.error());
+    }
+    return *truth;
+  }
   auto opened = formats::open_brdf(path_or_spec);
   if (!opened) {
     return opened;

@@ -9,6 +9,7 @@
 #include "tools/scatter/device_access.h"
 #include "tools/scatter/files.h"
 #include "tools/scatter/measure_options.h"
+#include "tools/scatter/measure_spots.h"
 #include "tools/scatter/measurement_json.h"
 #include "tools/scatter/results.h"
 
@@ -22,6 +23,7 @@ struct Options {
   std::string output;
   std::string title;
   bool correct_tilt = false;
+  int spots = 1;
   double rotation_deg = 0;
 };
 
@@ -63,14 +65,23 @@ Result<Answer> run(const Options& options, const Context& context) {
   if (const auto ready = prepare_folder(options.output); !ready) {
     return std::unexpected(ready.error());
   }
+  how->process.correct_tilt = options.correct_tilt;
+  how->process.sample_rotation_rad = reflectance::radians(options.rotation_deg);
+  const std::string title = options.title.empty() ? title_of(options.recording.uri) : options.title;
+  if (options.spots > 1) {
+    return measure_spots({.uri = options.recording.uri,
+                          .folder = options.output,
+                          .title = title,
+                          .spots = options.spots,
+                          .how = *how},
+                         context, bar);
+  }
   auto device = open_device(options.recording.uri, context);
   if (!device) {
     return std::unexpected(device.error());
   }
   const fs::path folder = options.output;
   how->recording = folder / "recording.scat";
-  how->process.correct_tilt = options.correct_tilt;
-  how->process.sample_rotation_rad = reflectance::radians(options.rotation_deg);
   const auto measured = measurement::measure(*device, *how);
   if (!measured) {
     bar.clear();
@@ -83,9 +94,7 @@ Result<Answer> run(const Options& options, const Context& context) {
   const measurement::Measurement& result = *measured->measurement;
   bar.show(1, "writing results");
   const auto start = std::chrono::steady_clock::now();
-  ResultsRequest request{.folder = folder,
-                         .title = options.title.empty() ? title_of(options.recording.uri) : options.title,
-                         .notes = {}};
+  ResultsRequest request{.folder = folder, .title = title, .notes = {}};
   if (options.correct_tilt) {
     request.notes.push_back("corrected for the estimated tilt");
   }
@@ -136,6 +145,9 @@ Verb add_measure(CLI::App& root) {
   app->add_flag("--correct-tilt", options->correct_tilt, "Correct for the estimated tilt of the sample");
   app->add_option("--rotation", options->rotation_deg, "The sample is turned by this on its mount [deg]")
       ->check(CLI::Range(-360.0, 360.0));
+  app->add_option("--spots", options->spots,
+                  "Measure this many places of the sample: each one's files, their mean and how they differ")
+      ->check(CLI::Range(1, kMostSpots));
   return {app, [options](const Context& context) { return run(*options, context); }};
 }
 
