@@ -93,7 +93,7 @@ void find_states(std::span<const std::uint8_t> corroded, std::span<const std::ui
       const std::uint8_t metal = touching[x] > 0 ? 1 : 0;
       const std::uint8_t rusty = enclosed[x] == 9 ? 3 : 2;
       const std::uint8_t state = c[x] != 0 ? rusty : metal;
-      out[x] = (o[x] != 0) | (h[x] <= 0.0F) ? std::uint8_t{4} : state;
+      out[x] = ((o[x] != 0) | (h[x] <= 0.0F)) ? std::uint8_t{4} : state;
     }
   }
   for (const std::uint32_t cell : late_seeds_waiting) {

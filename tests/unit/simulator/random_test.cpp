@@ -2,6 +2,7 @@
 #include <cmath>
 #include <vector>
 
+#include "simulator/random/bulk.h"
 #include "simulator/random/noise.h"
 #include "simulator/random/philox.h"
 #include "simulator/random/stream.h"
@@ -59,6 +60,20 @@ struct ChiSquare {
 }  // namespace
 
 // PROVES: Random123's published known answers (kat_vectors, philox4x32 with 10 rounds).
+TEST_CASE("Words drawn in bulk are those of the blocks, one by one") {
+  const RandomKey key{0x123456789ABCDEFU, Purpose::kCorrosion, 0xFEDCBA9876543210U};
+  BulkWords words;
+  for (const std::uint32_t chunk : {0U, 1U, 77777U, 0x3FFFFFFU}) {
+    draw_bulk(key, chunk, words);
+    for (std::uint32_t b = 0; b < kBulkBlocks; ++b) {
+      const auto block = key.block(64 * chunk + b);
+      for (std::size_t w = 0; w < 4; ++w) {
+        REQUIRE(words[64 * w + b] == block[w]);
+      }
+    }
+  }
+}
+
 TEST_CASE("Philox gives the published known answers") {
   using Words = std::array<std::uint32_t, 4>;
   CHECK(philox4x32({0, 0, 0, 0}, {0, 0}) == Words{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8});
