@@ -253,6 +253,32 @@ TEST_CASE("The glTF material refers to files that are there, with a quad of the 
   }
 }
 
+TEST_CASE(
+    "A pristine sheet is drawn grey and sees the whole sky; a rusty one is drawn redder where it is rusty") {
+  const Scratch folder;
+  REQUIRE(corrode({"--size", "64", "--age", "0", "--map-set", "gltf"}, folder / "new").status == 0);
+  const Picture fresh = picture(folder / "new/preview.png", Numbers::kSrgb);
+  for (std::size_t n = 0; n < fresh.pixels(); ++n) {
+    // Iron at normal incidence: 0.529, 0.511, 0.500, in one light; 8 bits in sRGB.
+    REQUIRE(fresh.values[3 * n + 1] == Approx(fresh.values[3 * n] * 0.511 / 0.529).margin(0.008));
+    REQUIRE(fresh.values[3 * n] > 0.3F);
+  }
+  for (const float share : picture(folder / "new/occlusion.png").values) {
+    REQUIRE(share == 1);
+  }
+  REQUIRE(corrode({"--size", "64", "--age", "10"}, folder / "old").status == 0);
+  const Picture old = picture(folder / "old/preview.png", Numbers::kSrgb);
+  const Picture regime = picture(folder / "old/regime.png");
+  for (std::size_t n = 0; n < old.pixels(); ++n) {
+    const bool metal = regime.values[3 * n + 2] == 192.0F / 255;
+    if (metal) {
+      REQUIRE(old.values[3 * n + 2] > 0.8F * old.values[3 * n]);
+    } else {
+      REQUIRE(old.values[3 * n + 2] < old.values[3 * n] + 0.01F);
+    }
+  }
+}
+
 TEST_CASE("The pbrt scene refers to files that are there") {
   const Scratch folder;
   const fs::path out = folder / "out";
