@@ -1,5 +1,6 @@
 #include <cairo.h>
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -7,6 +8,7 @@
 #include "host_sdk/reflectance/models/model_spec.h"
 #include "tools/plot/curves.h"
 #include "tools/plot/hemispheres.h"
+#include "tools/plot/strip.h"
 
 using namespace scatter;
 using namespace scatter::plot;
@@ -188,4 +190,33 @@ TEST_CASE("The extension decides between PNG and SVG") {
   const auto png = curves(one, {.kind = ImageKind::kPng, .incidences = incidences_of(**brdf)});
   REQUIRE(png);
   CHECK(png->substr(1, 3) == "PNG");
+}
+
+TEST_CASE("A strip holds every tile as it is, ten in a row") {
+  std::vector<StripTile> tiles;
+  for (std::uint8_t n = 0; n < 12; ++n) {
+    StripTile tile{.width = 20, .height = 10, .rgb = {}, .caption = std::to_string(n)};
+    for (int k = 0; k < 200; ++k) {
+      tile.rgb.insert(tile.rgb.end(), {std::uint8_t(10 * n), 200, std::uint8_t(255 - n)});
+    }
+    tiles.push_back(tile);
+  }
+  const auto png = strip(tiles, "");
+  REQUIRE(png);
+  const Image page = decoded(*png);
+  std::size_t found = 0;
+  for (std::uint32_t n = 0; n < 12; ++n) {
+    const std::uint32_t colour = 10 * n << 16U | 200U << 8U | (255 - n);
+    found += std::size_t(std::ranges::count(page.pixels, colour | 0xff000000U));
+  }
+  CHECK(found == 12 * 200);
+  // Ten tiles across and two rows of them.
+  CHECK(page.width >= 200);
+  CHECK(page.width < 11 * 33);
+  CHECK(page.height >= 2 * 10);
+  tiles[3].rgb.pop_back();
+  const auto refused = strip(tiles, "");
+  REQUIRE_FALSE(refused);
+  CHECK(refused.error().what.find("'3'") != std::string::npos);
+  CHECK_FALSE(strip({}, "empty"));
 }
