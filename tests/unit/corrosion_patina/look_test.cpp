@@ -81,6 +81,19 @@ TEST_CASE("Metal's share and the layers' share together send back what Kubelka a
   }
 }
 
+TEST_CASE("Metalness is the share of light that goes through all layers twice") {
+  const PatinaMaterialData& tarnish = data_of(PatinaMaterial::kTarnish);
+  const PatinaMaterialData& green = data_of(PatinaMaterial::kSulphate);
+  double expected = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double once =
+        layer_optics(tarnish.absorption_per_um[c], tarnish.scattering_per_um[c], 0.05).transmittance *
+        layer_optics(green.absorption_per_um[c], green.scattering_per_um[c], 1.0).transmittance;
+    expected += once * once / 3;
+  }
+  CHECK(appearance(stack_of(0.05F, 1.0F)).metalness[3] == Approx(expected).epsilon(1e-5));
+}
+
 TEST_CASE("Metalness falls all the way from bare copper to what hides it; whatever lies on it is a layer") {
   double last = 1;
   for (const float um : {0.02F, 0.1F, 0.3F, 0.8F, 2.0F}) {
