@@ -18,7 +18,7 @@ struct CorrodedSample {
   corrosion::GrowthOptions growth;  ///< age_years is the sample's age.
   corrosion::AppearanceOptions appearance;
   /// Smoother metal than this drives HS-1 into saturation about the peak of the 60 deg head.
-  SheetOptics optics{.metal = "iron", .metal_alpha = 0.2, .backing = 0};
+  SheetOptics optics{.metal = "iron", .metal_alpha = 0.25, .backing = 0};
   std::optional<Place> place = Place{};  ///< Nothing: the whole sheet at once (spot=whole).
 };
 

@@ -14,7 +14,7 @@ namespace scatter::simulator {
 /// What the text says.
 struct PatinaSample {
   corrosion::PatinaOptions growth;  ///< age_years is the sample's age.
-  SheetOptics optics{.metal = "copper", .metal_alpha = 0.2, .backing = 0};
+  SheetOptics optics{.metal = "copper", .metal_alpha = 0.25, .backing = 0};
   std::optional<Place> place = Place{};  ///< Nothing: the whole piece at once (spot=whole).
 };
 

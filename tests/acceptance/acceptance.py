@@ -211,8 +211,9 @@ def corrosion(walk, spots):
             walk.check_comparison(f"age {age} spot {k + 1} against its truth", c)
         rows = {row["theta_i_deg"]: row["channels"] for row in result["spread"]}
         angles = sorted(rows)
-        # Peaks at the oblique incidences (the blind disc lies on that of the 0 deg head); diffuse parts at all.
-        peaks = [c["peak_per_sr"]["mean"] for a in angles if a > 1 for c in rows[a]]
+        # Peaks at 20 and 40 deg: the blind disc lies on that of the 0 deg head, and where half of a spot is rust
+        # that of the 60 deg head may be saturated. Diffuse parts at all incidences.
+        peaks = [c["peak_per_sr"]["mean"] for a in angles if 1 < a < 50 for c in rows[a]]
         diffuse = [c["diffuse_per_sr"]["mean"] for a in angles for c in rows[a]]
         spread = max(c["albedo"]["standard_deviation"] / c["albedo"]["mean"] for a in angles for c in rows[a])
         looks.append((age, peaks, diffuse, spread))

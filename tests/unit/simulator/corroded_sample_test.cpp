@@ -200,7 +200,7 @@ TEST_CASE("Raw frames show the texture: places differ, and so do the spots of di
   CHECK(share(0) != share(60));
 }
 
-TEST_CASE("A spot of level and leaning metal is averaged over source and pixel to 1e-3 of its peak") {
+TEST_CASE("A spot of level and leaning metal is averaged over source and pixel to 5e-4 of its peak") {
   using namespace scatter::simulator::test;
   for (const double alpha : {0.05, 0.15}) {
     const auto sheet = made_sheet({.rust = 0.3, .depth_mm = 0.1}, {.metal_alpha = alpha});
@@ -230,8 +230,12 @@ TEST_CASE("A spot of level and leaning metal is averaged over source and pixel t
     const auto fast = image(Fineness::kAdaptive);
     const auto fine = image(Fineness::kFinest);
     const double peak = *std::max_element(fine.begin(), fine.end());
-    for (std::size_t k = 0; k < fast.size(); ++k) {
-      CHECK(std::abs(fast[k] - fine[k]) <= (alpha < 0.1 ? 1e-3 : 5e-4) * peak);
+    // The window's border has no neighbours to take second differences from; a real image's lies beyond what
+    // is measured.
+    for (std::size_t y = 1; y + 1 < kWindow; ++y) {
+      for (std::size_t x = 1; x + 1 < kWindow; ++x) {
+        CHECK(std::abs(fast[y * kWindow + x] - fine[y * kWindow + x]) <= 5e-4 * peak);
+      }
     }
   }
 }
