@@ -164,9 +164,9 @@ class Knots {
 
  private:
   Complex& at(std::int32_t nx, std::int32_t ny) {
-    const auto size = static_cast<std::int32_t>(size_);
-    const auto column = static_cast<std::size_t>(nx + static_cast<std::int32_t>(highest_));
-    return columns_[column * size_ + static_cast<std::size_t>((ny + size) % size)];
+    const std::ptrdiff_t column = nx + static_cast<std::ptrdiff_t>(highest_);
+    const std::ptrdiff_t row = ny < 0 ? ny + static_cast<std::ptrdiff_t>(size_) : ny;
+    return columns_[static_cast<std::size_t>(column) * size_ + static_cast<std::size_t>(row)];
   }
 
   std::size_t highest_;
