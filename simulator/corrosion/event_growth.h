@@ -17,9 +17,8 @@ namespace scatter::corrosion {
 /// `options` must be settled (growth_options.h).
 /// Errors  kInvalidArgument names starting_points when fewer cells may corrode; kResourceExhausted when the
 ///         bites are so small that the log would not end; kAborted when stopped. May throw std::bad_alloc.
-/// Cost    even maps: 20 ns per event at 256 x 256 cells, 31 at 2048 x 2048; uneven maps: 90 and 150. 4 bytes
-/// per
-///         event and 4 more per cell reached; at() costs about as much as the run with even maps.
+/// Cost    even maps: 20 ns per event at 256 x 256 cells, 31 at 2048 x 2048; uneven maps: 90 and 150.
+///         4 bytes per event and 4 more per cell reached; at() costs about as much as the run with even maps.
 [[nodiscard]] Result<std::shared_ptr<const Growth>> grow_events(GrowthOptions options,
                                                                 std::vector<std::string> notes,
                                                                 const Growth::Progress& progress,
