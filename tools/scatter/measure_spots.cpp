@@ -30,7 +30,6 @@ namespace {
 namespace fs = std::filesystem;
 using measurement::Measurement;
 using nlohmann::ordered_json;
-using simulator::Place;
 
 /// 1/g and 1/g^2 of the plastic number g.
 constexpr double kStepU = 0.7548776662466927;
@@ -167,12 +166,14 @@ Spread spread_over(const std::vector<Spot>& spots) {
       };
       const auto peak = over(&SpotFigures::peak);
       const auto diffuse = over(&SpotFigures::diffuse);
+      const auto share = over(&SpotFigures::share);
       const auto albedo = over(&SpotFigures::albedo);
       const double wavelength =
           c < grid.wavelengths_nm.size() ? static_cast<double>(grid.wavelengths_nm[c]) : 0.0;
       row["channels"].push_back({{"wavelength_nm", wavelength},
                                  {"peak_per_sr", to_json(peak)},
                                  {"diffuse_per_sr", to_json(diffuse)},
+                                 {"diffuse_share", to_json(share)},
                                  {"albedo", to_json(albedo)}});
       rows.push_back({c == 0 ? plot::angle_text(grid.parts[part].theta_i) : "",
                       plot::channel_name(wavelength, c, grid.channels), cell(peak), cell(diffuse),

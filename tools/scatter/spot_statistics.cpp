@@ -114,6 +114,7 @@ std::vector<SpotFigures> spot_figures(const GridBrdf& brdf, std::size_t part) {
   std::vector<NodeMean> peak(brdf.channels());
   std::vector<NodeMean> diffuse(brdf.channels());
   std::vector<NodeMean> albedo(brdf.channels());
+  std::vector<NodeMean> aside(brdf.channels());
   for (std::size_t node = 0; node < p.origin.size(); ++node) {
     if (p.origin[node] != Origin::kMeasured) {
       continue;
@@ -128,15 +129,19 @@ std::vector<SpotFigures> spot_figures(const GridBrdf& brdf, std::size_t part) {
       if (off <= kPeakRadius) {
         peak[c].add(solid, f, own);
       } else if (off >= kDiffuseFrom) {
+        aside[c].add(solid * std::abs(out.z), f, own);
         diffuse[c].add(solid, f, own);
       }
     }
   }
   std::vector<SpotFigures> figures(brdf.channels());
   for (std::size_t c = 0; c < figures.size(); ++c) {
-    figures[c] = {peak[c].figure(), diffuse[c].figure(), std::nullopt};
+    figures[c] = {peak[c].figure(), diffuse[c].figure(), std::nullopt, std::nullopt};
     if (albedo[c].weight > 0) {
       figures[c].albedo = SpotFigure{albedo[c].sum, albedo[c].uncertainty};
+    }
+    if (albedo[c].sum > 0) {
+      figures[c].share = SpotFigure{aside[c].sum / albedo[c].sum, aside[c].uncertainty / albedo[c].sum};
     }
   }
   return figures;

@@ -21,9 +21,9 @@ struct SpotFigure {
 
 /// Figures of one channel of one incidence. Peak: mean f [1/sr] over measured nodes within 2 deg of the
 /// mirror direction; missing where the blind disc covers it. Diffuse: mean f over those farther than 45 deg
-/// from it. Albedo: over the measured region.
+/// from it. Share: what leaves there, of the albedo. Albedo: over the measured region.
 struct SpotFigures {
-  std::optional<SpotFigure> peak, diffuse, albedo;
+  std::optional<SpotFigure> peak, diffuse, share, albedo;
 };
 
 /// Of all channels of one part of a grid. BRDF or BTDF.

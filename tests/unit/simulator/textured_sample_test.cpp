@@ -122,6 +122,23 @@ TEST_CASE("Bare metal is the conductor's lobe, nothing else") {
   }
 }
 
+TEST_CASE("Metal that leans shines where its normal sends the light") {
+  auto maps = made_maps({.side = 64, .extent_mm = 5, .rust = -1});
+  const Direction n = from_spherical(radians(8), radians(25));
+  std::fill(maps.normal.begin(), maps.normal.end(),
+            std::array{static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)});
+  const auto sheet = TexturedSheet::make(maps, 5, {.metal_alpha = 0.05});
+  REQUIRE(sheet.has_value());
+  const auto brdf = (*sheet)->scattering(all_cells(64));
+  const Direction wi = from_spherical(radians(30), radians(200));
+  const double twice = 2 * dot(wi, n);
+  const Direction mirror{twice * n.x - wi.x, twice * n.y - wi.y, twice * n.z - wi.z};
+  const double there = at(*brdf, wi, mirror)[0];
+  CHECK(there > 5);
+  CHECK(there > 20 * at(*brdf, wi, mirrored(wi))[0]);
+  CHECK(there > 20 * at(*brdf, wi, {mirror.x, -mirror.y, mirror.z})[0]);
+}
+
 TEST_CASE("A spot as large as a level map is the mean over its area") {
   auto maps = made_maps({.side = 64, .extent_mm = 5, .rust = 0.6, .depth_mm = 0.3, .hole_depth_mm = 0.12});
   std::fill(maps.normal.begin(), maps.normal.end(), std::array{0.0F, 0.0F, 1.0F});
@@ -235,11 +252,11 @@ TEST_CASE("A spot is reciprocal and never reflects more light than comes in") {
         CHECK(at(*brdf, a, b)[c] == Approx(at(*brdf, b, a)[c]).epsilon(1e-10));
       }
     }
-    for (const double theta : {0.0, 30.0, 60.0, 75.0, 85.0}) {
+    for (const double theta : {0.0, 60.0, 85.0}) {
       const Direction wi = from_spherical(radians(theta), 0.5);
       double albedo = 0;
       constexpr int kTheta = 100;
-      constexpr int kPhi = 120;
+      constexpr int kPhi = 60;
       for (int t = 0; t < kTheta; ++t) {
         // Even steps of sin^2: each counts alike under the cosine.
         const double s = std::sqrt((t + 0.5) / kTheta);

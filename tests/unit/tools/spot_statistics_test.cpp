@@ -43,6 +43,11 @@ TEST_CASE("Peak, diffuse part and albedo of a spot are those of its measured dir
   REQUIRE(figures.size() == 1);
   CHECK(figures[0].peak->value == Approx(5.0));
   CHECK(figures[0].diffuse->value == Approx(0.2));
+  // What is added within 3 deg of the mirror direction is not farther than 45 deg from it.
+  const auto flat = spot_figures(grid(0.2F, 0.003F, 0.004F, 0.2F), 0);
+  CHECK(figures[0].share->value * figures[0].albedo->value ==
+        Approx(flat[0].share->value * flat[0].albedo->value));
+  CHECK(figures[0].share->value < flat[0].share->value);
   CHECK(figures[0].diffuse->uncertainty == Approx(0.005));  // 3, 4, 5
   // pi f sin^2 of the region's edge, half a step beyond the last ring; the peak adds 4.8 over a cap of 3 deg.
   const double edge = std::pow(std::sin(reflectance::radians(75.5)), 2);
