@@ -142,6 +142,7 @@ std::string cell(const std::optional<SpotSpread>& spread) {
 struct Spread {
   ordered_json json = ordered_json::array();
   std::string text;
+  std::vector<std::string> lines;  ///< The same for the page, one incidence and channel each.
 };
 
 Spread spread_over(const std::vector<Spot>& spots) {
@@ -178,6 +179,10 @@ Spread spread_over(const std::vector<Spot>& spots) {
       rows.push_back({c == 0 ? plot::angle_text(grid.parts[part].theta_i) : "",
                       plot::channel_name(wavelength, c, grid.channels), cell(peak), cell(diffuse),
                       cell(albedo)});
+      result.lines.push_back(fmt::format("between spots, {}, {}: peak {}, diffuse part {}, albedo {}",
+                                         plot::angle_text(grid.parts[part].theta_i),
+                                         plot::channel_name(wavelength, c, grid.channels), cell(peak),
+                                         cell(diffuse), cell(albedo)));
     }
     result.json.push_back(std::move(row));
   }
@@ -187,7 +192,7 @@ Spread spread_over(const std::vector<Spot>& spots) {
 
 /// Mean, deviation, pictures and spots.json; returns the paths written.
 Result<std::vector<std::string>> write_combined(const SpotsRequest& request, const std::vector<Spot>& spots,
-                                                const ordered_json& summary) {
+                                                const Spread& spread, const ordered_json& summary) {
   std::vector<const reflectance::GridBrdf*> grids;
   std::vector<const Measurement*> measurements;
   for (const Spot& spot : spots) {
@@ -200,18 +205,20 @@ Result<std::vector<std::string>> write_combined(const SpotsRequest& request, con
   }
   const fs::path folder = request.folder;
   const auto mean = mean_measurement(measurements, std::move(combined->mean));
-  auto files = write_results(
-      mean, {.folder = folder,
-             .title = fmt::format("{}, mean of {} spots", request.title, spots.size()),
-             .notes = {fmt::format("mean of {} spots; how they differ is in spots.json and deviation.exr",
-                                   spots.size())}});
+  std::vector<std::string> notes{fmt::format(
+      "mean of {} spots; mean ± standard deviation between them below (u: in units of a spot's own "
+      "uncertainty), direction by direction in deviation.exr",
+      spots.size())};
+  notes.insert(notes.end(), spread.lines.begin(), spread.lines.end());
+  auto files = write_results(mean, {.folder = folder,
+                                    .title = fmt::format("{}, mean of {} spots", request.title, spots.size()),
+                                    .notes = notes});
   if (!files) {
     return files;
   }
   const auto picture = plot::hemispheres(
       combined->deviation,
-      {.title = fmt::format("{}: standard deviation between {} spots", request.title, spots.size()),
-       .subtitle = ""});
+      {.title = fmt::format("standard deviation between {} spots", spots.size()), .subtitle = request.title});
   if (!picture) {
     return std::unexpected(picture.error());
   }
@@ -307,7 +314,7 @@ Result<Answer> measure_spots(const SpotsRequest& request, const Context& context
   if (ended) {
     answer.json["error"] = {{"code", name(ended->code)}, {"what", ended->what}, {"remedy", ended->remedy}};
   }
-  const auto files = write_combined(request, spots, answer.json);
+  const auto files = write_combined(request, spots, spread, answer.json);
   if (!files) {
     return std::unexpected(files.error());
   }
