@@ -149,7 +149,8 @@ float FrontMarch::solve(const Around& around, Step first, Step second, float cos
   };
   const Side a = upwind(first);
   const Side b = upwind(second);
-  // From one direction alone, to first order: what lies behind says nothing when the front comes from the side.
+  // From one direction alone, to first order: what lies behind says nothing when the front comes from the
+  // side.
   const float single = std::min(a.known, b.known) + cost;
   if (a.known == kNever || b.known == kNever) {
     return single;
