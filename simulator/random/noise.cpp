@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "simulator/random/philox_lanes.h"
 #include "simulator/random/stream.h"
 
 // This file is compiled without contraction to fused multiply-add and without errno (CMakeLists.txt),
@@ -18,34 +19,7 @@ constexpr std::size_t kLanes = 64;
 template <typename T>
 using Lanes = std::array<T, kLanes>;
 
-struct Bits {
-  Lanes<std::uint32_t> word[4];
-};
-
-[[gnu::always_inline]] inline void philox_lanes(const RandomKey& key, std::uint32_t first,
-                                                Bits& bits) noexcept {
-  auto& [c0, c1, c2, c3] = bits.word;
-  for (std::size_t l = 0; l < kLanes; ++l) {
-    c0[l] = first + static_cast<std::uint32_t>(l);
-    c1[l] = static_cast<std::uint32_t>(key.index);
-    c2[l] = static_cast<std::uint32_t>(key.index >> 32U);
-    c3[l] = static_cast<std::uint32_t>(key.purpose);
-  }
-  auto k0 = static_cast<std::uint32_t>(key.seed);
-  auto k1 = static_cast<std::uint32_t>(key.seed >> 32U);
-  for (int round = 0; round < 10; ++round) {
-    for (std::size_t l = 0; l < kLanes; ++l) {
-      const std::uint64_t p0 = std::uint64_t{0xD2511F53U} * c0[l];
-      const std::uint64_t p1 = std::uint64_t{0xCD9E8D57U} * c2[l];
-      c0[l] = static_cast<std::uint32_t>(p1 >> 32U) ^ c1[l] ^ k0;
-      c1[l] = static_cast<std::uint32_t>(p1);
-      c2[l] = static_cast<std::uint32_t>(p0 >> 32U) ^ c3[l] ^ k1;
-      c3[l] = static_cast<std::uint32_t>(p0);
-    }
-    k0 += 0x9E3779B9U;
-    k1 += 0xBB67AE85U;
-  }
-}
+using Bits = std::array<Lanes<std::uint32_t>, 4>;
 
 /// Natural logarithm of x in [2^-31, 1]; relative error below 3e-7, also near 1.
 [[gnu::always_inline]] inline float log_unit(float x) noexcept {
@@ -90,7 +64,7 @@ struct Bits {
   for (std::size_t l = 0; l < kLanes; ++l) {
     const float positive = wanted_mean[l] > 0.0F ? wanted_mean[l] : 0.0F;
     mean[l] = positive < 1e6F ? positive : 1e6F;
-    box_muller(bits.word[0][l], bits.word[1][l], w[l], normal[l]);
+    box_muller(bits[0][l], bits[1][l], w[l], normal[l]);
   }
   // Whole numbers, because their minimum and maximum vectorise.
   std::int32_t small_lanes = 0;
@@ -115,7 +89,7 @@ struct Bits {
   Lanes<float> cumulative;
   Lanes<float> count{};
   for (std::size_t l = 0; l < kLanes; ++l) {
-    u[l] = (static_cast<float>(static_cast<std::int32_t>(bits.word[2][l] >> 9U)) + 0.5F) * 0x1p-23F;
+    u[l] = (static_cast<float>(static_cast<std::int32_t>(bits[2][l] >> 9U)) + 0.5F) * 0x1p-23F;
     mean[l] = mean[l] <= kPoissonInversionLimit ? mean[l] : 0.0F;
     // exp(-mean) as the 16th power of a short series: mean / 16 is at most 0.625.
     const float x = mean[l] * (-1.0F / 16);

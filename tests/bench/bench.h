@@ -38,6 +38,13 @@ struct Contest {
 /// machine's load meets both alike; each value is the median over the rounds.
 [[nodiscard]] Figure run_contest(std::string name, const Contest& contest);
 
+/// Processor time of one call in this thread [s]: what else the machine does counts little. For work of
+/// seconds, which run_contest would repeat too often.
+[[nodiscard]] double cpu_seconds_of(const std::function<void()>& call);
+
+/// Upper median; not of none.
+[[nodiscard]] double median(std::vector<double> values);
+
 /// A benchmark registers itself: `const Benchmark kCrc{"crc.throughput", [] { ...return figures; }};`
 /// at namespace scope of a source file of scatter_bench. The function runs only when asked for and
 /// names its figures `name` or `name.something`. An empty list means that it could not run here

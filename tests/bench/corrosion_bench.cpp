@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <ctime>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -30,24 +28,6 @@ GrowthOptions case_of(std::size_t side) {
   options.age_years = 20;
   options.side = side;
   return options;
-}
-
-/// Of this thread: what else the machine does counts little.
-double cpu_seconds_of(const std::function<void()>& call) {
-  const auto now = [] {
-    timespec time{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-  };
-  const double begin = now();
-  call();
-  return now() - begin;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 std::shared_ptr<const Growth> grown(std::size_t side) {

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <ctime>
-#include <functional>
 #include <limits>
 #include <memory>
 #include <queue>
@@ -33,24 +31,6 @@ GrowthOptions case_of(std::size_t side) {
   options.age_years = kAge;
   options.side = side;
   return options;
-}
-
-/// Of this thread: what else the machine does counts little.
-double cpu_seconds_of(const std::function<void()>& call) {
-  const auto now = [] {
-    timespec time{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-  };
-  const double begin = now();
-  call();
-  return now() - begin;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Fast marching as it is taught (Sethian 1996): first order, four neighbours, a binary heap of double times,

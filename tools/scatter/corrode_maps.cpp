@@ -71,6 +71,18 @@ Result<corrosion::Map> read_map(const std::string& parameter, const std::string&
   return corrosion::Map{grey.width, grey.height, std::move(grey.values)};
 }
 
+Status take_map(const std::string& parameter, const std::string& text, corrosion::Map& to) {
+  if (text.empty()) {
+    return {};
+  }
+  auto map = read_map(parameter, text);
+  if (!map) {
+    return std::unexpected(map.error());
+  }
+  to = *std::move(map);
+  return {};
+}
+
 Result<corrosion::ColourMap> read_layer(const std::string& parameter, const std::string& text) {
   if (const auto parts = split(text, '/'); parts.size() == 3) {
     const auto red = number(parts[0]);

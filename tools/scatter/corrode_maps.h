@@ -13,6 +13,9 @@ namespace scatter::cli {
 /// Errors    name the parameter, the place of a value that is no number, and the file.
 [[nodiscard]] Result<corrosion::Map> read_map(const std::string& parameter, const std::string& text);
 
+/// The same into `to`, which stays as it is when the text is empty.
+[[nodiscard]] Status take_map(const std::string& parameter, const std::string& text, corrosion::Map& to);
+
 /// "0.3/0.13/0.05", or an image: EXR linear, PNG in sRGB, alpha left out.
 [[nodiscard]] Result<corrosion::ColourMap> read_layer(const std::string& parameter, const std::string& text);
 

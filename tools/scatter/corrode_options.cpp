@@ -63,19 +63,6 @@ Result<std::vector<std::uint64_t>> seeds_named(const std::string& text) {
   return seeds;
 }
 
-/// Reads one map into `to` when it was given.
-Status take(const char* parameter, const std::string& text, Map& to) {
-  if (text.empty()) {
-    return {};
-  }
-  auto map = read_map(parameter, text);
-  if (!map) {
-    return std::unexpected(map.error());
-  }
-  to = *std::move(map);
-  return {};
-}
-
 /// Maps made of pictures describe one sheet: all of one size.
 Status same_size(const std::vector<std::pair<const char*, const Map*>>& maps) {
   const std::pair<const char*, const Map*>* first = nullptr;
@@ -131,7 +118,7 @@ Status take_appearance(const CorrodeOptions& options, CorrodePlan& plan) {
   }
   std::ranges::copy(options.layer_depths_um, look.layer_depths_um.begin());
   std::ranges::copy(options.layer_limits, look.layer_limits.begin());
-  if (Status done = take("bump", options.bump, look.bump); !done) {
+  if (Status done = take_map("bump", options.bump, look.bump); !done) {
     return done;
   }
   return corrosion::check(look);
@@ -148,8 +135,8 @@ Status take_masks(const CorrodeOptions& options, CorrodePlan& plan) {
   Map cover{1, 1, {0.0F}};
   Map contact{1, 1, {0.0F}};
   maps.insert(maps.end(), {{"cover", &cover}, {"contact", &contact}});
-  Status done = take("cover", options.cover, cover);
-  done = done ? take("contact", options.contact, contact) : done;
+  Status done = take_map("cover", options.cover, cover);
+  done = done ? take_map("contact", options.contact, contact) : done;
   done = done ? same_size(maps) : done;
   const auto multiply = [&](const Result<Map>& factor) -> Status {
     if (!factor) {
@@ -335,7 +322,7 @@ Result<CorrodePlan> plan(const CorrodeOptions& options) {
                                               {"material", &options.material, &growth.material},
                                               {"exposure", &options.exposure, &growth.exposure},
                                               {"opening", &options.opening, &growth.opening}}) {
-      done = done ? take(parameter, *text, *to) : done;
+      done = done ? take_map(parameter, *text, *to) : done;
     }
     done = done ? take_appearance(options, plan) : done;
     return done ? take_masks(options, plan) : done;

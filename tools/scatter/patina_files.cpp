@@ -8,6 +8,7 @@
 #include "host_sdk/images/exr_image.h"
 #include "host_sdk/images/png_image.h"
 #include "tools/scatter/files.h"
+#include "tools/scatter/picture_light.h"
 
 namespace scatter::cli {
 namespace {
@@ -15,12 +16,6 @@ namespace {
 using corrosion::LayerStack;
 using corrosion::PatinaMaterial;
 using images::Image;
-
-// Towards the sun: from the upper left, 42 degrees above the piece.
-constexpr std::array<float, 3> kSun{-0.50F, 0.55F, 0.67F};
-constexpr float kSunLight = 1.15F;
-constexpr float kSkyLight = 0.42F;
-constexpr float kMirroredSky = 0.85F;
 
 Image grey(std::size_t side, std::vector<float> values) {
   return {.width = side, .height = side, .channels = 1, .values = std::move(values)};

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <span>
 
+#include "tools/scatter/picture_light.h"
+
 namespace scatter::cli {
 namespace {
 
@@ -17,11 +19,6 @@ using corrosion::Rgb;
 using corrosion::Sheet;
 using images::Image;
 
-// Towards the sun: from the upper left, 42 degrees above the sheet.
-constexpr std::array<float, 3> kSun{-0.50F, 0.55F, 0.67F};
-constexpr float kSunLight = 1.15F;
-constexpr float kSkyLight = 0.42F;
-constexpr float kMirroredSky = 0.85F;
 constexpr int kLongestShadow = 64;  // cells
 constexpr float kHoleLight = 0.012F;
 

@@ -44,18 +44,6 @@ struct PatinatePlan {
   bool series = false;
 };
 
-Status take(const char* parameter, const std::string& text, corrosion::Map& to) {
-  if (text.empty()) {
-    return {};
-  }
-  auto map = read_map(parameter, text);
-  if (!map) {
-    return std::unexpected(map.error());
-  }
-  to = *std::move(map);
-  return {};
-}
-
 Result<PatinatePlan> plan(const PatinateOptions& options) {
   PatinatePlan plan{
       .growth = options.growth, .script = {}, .ages = options.series, .series = !options.series.empty()};
@@ -69,9 +57,9 @@ Result<PatinatePlan> plan(const PatinateOptions& options) {
     return std::unexpected(deposition.error());
   }
   plan.growth.deposition = *deposition;
-  for (const Status& status : {take("exposure", options.exposure, plan.growth.exposure),
-                               take("wetness", options.wetness, plan.growth.wetness),
-                               take("inclination", options.inclination, plan.growth.inclination_deg)}) {
+  for (const Status& status : {take_map("exposure", options.exposure, plan.growth.exposure),
+                               take_map("wetness", options.wetness, plan.growth.wetness),
+                               take_map("inclination", options.inclination, plan.growth.inclination_deg)}) {
     if (!status) {
       return std::unexpected(status.error());
     }
@@ -160,7 +148,7 @@ class Run {
 
   Result<std::vector<Figures>> all(const corrosion::Patina& patina) {
     const Status grown =
-        patina.each(plan_.ages, [&](const corrosion::PatinaPiece& piece) { take(piece); }, stop_);
+        patina.each(plan_.ages, [&](const corrosion::PatinaPiece& piece) { take_map(piece); }, stop_);
     bar_.clear();
     if (!done_) {
       return std::unexpected(done_.error());
@@ -181,7 +169,7 @@ class Run {
   }
 
  private:
-  void take(const corrosion::PatinaPiece& piece) {
+  void take_map(const corrosion::PatinaPiece& piece) {
     if (!done_) {
       return;
     }
