@@ -1,7 +1,7 @@
 #include "tools/scatter/file_description.h"
 
-#include "host_sdk/formats/open_brdf.h"
 #include "tools/scatter/brdf_description.h"
+#include "tools/scatter/preparation.h"
 #include "tools/scatter/recording_description.h"
 
 namespace scatter::cli {
@@ -10,7 +10,7 @@ Result<Answer> describe_file(const std::string& file_or_spec) {
   if (looks_like_recording(file_or_spec)) {
     return describe_recording(file_or_spec);
   }
-  const auto brdf = formats::open_brdf(file_or_spec);
+  const auto brdf = open_subject(file_or_spec);
   if (!brdf) {
     return std::unexpected(brdf.error());
   }

@@ -91,15 +91,19 @@ void add_preparation_options(CLI::App& app, PreparationOptions& options) {
   app.add_flag("--fill", options.fill, "Fill blind spots: by reciprocity, else from their neighbours");
 }
 
-Result<std::shared_ptr<const Brdf>> open_data(const std::string& path_or_spec) {
-  if (simulator::is_textured_spec(path_or_spec)) {
-    auto truth = simulator::SampleBrdf::make(path_or_spec);
-    if (!truth) {
-      return std::unexpected(truth.error());
-    }
-    return *truth;
+Result<std::shared_ptr<const Brdf>> open_subject(const std::string& path_or_spec) {
+  if (!simulator::is_textured_spec(path_or_spec)) {
+    return formats::open_brdf(path_or_spec);
   }
-  auto opened = formats::open_brdf(path_or_spec);
+  auto truth = simulator::SampleBrdf::make(path_or_spec);
+  if (!truth) {
+    return std::unexpected(truth.error());
+  }
+  return *truth;
+}
+
+Result<std::shared_ptr<const Brdf>> open_data(const std::string& path_or_spec) {
+  auto opened = open_subject(path_or_spec);
   if (!opened) {
     return opened;
   }

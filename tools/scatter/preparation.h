@@ -35,7 +35,11 @@ struct Prepared {
   std::vector<std::string> notes;  ///< What was done, one sentence each.
 };
 
-/// formats::open_brdf, with lists of samples ready for estimators.
+/// What a user names: a file, a model, or a sheet of metal such as corroded:age=5,spot=0.3/0.7
+/// (docs/spots.md). Errors    those of formats::open_brdf and simulator::SampleBrdf::make.
+[[nodiscard]] Result<std::shared_ptr<const reflectance::Brdf>> open_subject(const std::string& path_or_spec);
+
+/// The same, with lists of samples ready for estimators.
 [[nodiscard]] Result<std::shared_ptr<const reflectance::Brdf>> open_data(const std::string& path_or_spec);
 
 /// For titles and legends: a file's name without its folders, a model's spec as it is.

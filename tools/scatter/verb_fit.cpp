@@ -6,12 +6,12 @@
 #include <memory>
 #include <optional>
 
-#include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/formats/sample_list_brdf.h"
 #include "host_sdk/reflectance/fitting/fit.h"
 #include "tools/plot/curves.h"
 #include "tools/scatter/files.h"
 #include "tools/scatter/fit_report.h"
+#include "tools/scatter/preparation.h"
 #include "tools/scatter/progress.h"
 #include "tools/scatter/verb.h"
 
@@ -96,7 +96,7 @@ Result<Answer> run(const Options& options, const Context& context) {
     }
     family = *named;
   }
-  const auto brdf = formats::open_brdf(options.subject);
+  const auto brdf = open_subject(options.subject);
   if (!brdf) {
     return std::unexpected(brdf.error());
   }

@@ -4,7 +4,6 @@
 
 #include <memory>
 
-#include "host_sdk/formats/open_brdf.h"
 #include "tools/plot/hemispheres.h"
 #include "tools/scatter/file_description.h"
 #include "tools/scatter/files.h"
@@ -32,7 +31,7 @@ Status draw(const Options& options) {
                 options.target + ": a recording holds raw frames and no BRDF to draw",
                 "run 'scatter process' on it, which draws its BRDF, or leave -o out");
   }
-  const auto brdf = formats::open_brdf(options.target);
+  const auto brdf = open_subject(options.target);
   if (!brdf) {
     return std::unexpected(brdf.error());
   }

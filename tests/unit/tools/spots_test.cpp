@@ -86,3 +86,16 @@ TEST_CASE("A spot's text from spots.json is its truth for compare, whatever stan
   CHECK(wrong.status == 1);
   CHECK(wrong.err.find("age is '1000', expected 0..100") != std::string::npos);
 }
+
+TEST_CASE("Inspect, plot and convert take a sheet's text where a model's may stand") {
+  const Scratch folder;
+  const auto inspected = scatter({"inspect", kSheet + ",spot=0.3/0.4", "--json"});
+  INFO(inspected.err);
+  REQUIRE(inspected.status == 0);
+  const auto copper = scatter({"inspect", "patina:age=5,extent_mm=6", "-o", folder / "copper.png"});
+  INFO(copper.err);
+  CHECK(copper.status == 0);
+  CHECK(std::filesystem::exists(folder / "copper.png"));
+  CHECK(scatter({"plot", kSheet, "-o", folder / "curves.svg"}).status == 0);
+  CHECK(scatter({"convert", kSheet, folder / "sheet.exr"}).status == 0);
+}
