@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "host_sdk/measurement/vector_clones.h"
+#include "host_sdk/simd/vector_clones.h"
 
 namespace scatter::measurement {
 namespace {

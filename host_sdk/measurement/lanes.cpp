@@ -12,7 +12,7 @@
 #include <set>
 
 #include "host_sdk/measurement/geometry.h"
-#include "host_sdk/measurement/vector_clones.h"
+#include "host_sdk/simd/vector_clones.h"
 
 namespace scatter::measurement {
 namespace {

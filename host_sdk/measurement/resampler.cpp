@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "host_sdk/measurement/local_fit.h"
-#include "host_sdk/measurement/vector_clones.h"
+#include "host_sdk/simd/vector_clones.h"
 
 namespace scatter::measurement {
 

@@ -5,15 +5,8 @@
 #include <cstring>
 #include <utility>
 
+#include "host_sdk/simd/vector_clones.h"
 #include "simulator/corrosion/corrosivity.h"
-
-// Sanitizers instrument the resolver that runs before they are set up; their builds go without.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__) && \
-    !defined(__SANITIZE_ADDRESS__)
-#define SCATTER_VECTOR_CLONES [[gnu::target_clones("avx2", "default")]]
-#else
-#define SCATTER_VECTOR_CLONES
-#endif
 
 // This file is compiled without contraction to fused multiply-add (CMakeLists.txt), so that the loops below
 // give the same bits for every instruction set.

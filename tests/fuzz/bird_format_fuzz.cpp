@@ -2,21 +2,17 @@
 // as the same number of valid samples.
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <string_view>
 
 #include "host_sdk/formats/bird.h"
 #include "host_sdk/formats/sample_list_brdf.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 using namespace scatter::reflectance;
 
 namespace {
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
 
 std::size_t valid(const ScatteredSamples& samples) {
   std::size_t count = 0;

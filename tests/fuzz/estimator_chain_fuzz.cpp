@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <memory>
 #include <string_view>
 #include <vector>
@@ -12,16 +11,13 @@
 #include "host_sdk/reflectance/estimators/chain.h"
 #include "host_sdk/reflectance/estimators/scattered_brdf.h"
 #include "host_sdk/reflectance/grid_brdf.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 namespace {
 
 using namespace scatter::reflectance;
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
 
 double value_at(double theta_i, double theta_o, double phi) {
   return 1 + theta_i + std::sin(theta_o) * std::cos(phi);

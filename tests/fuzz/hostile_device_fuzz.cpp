@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <span>
@@ -14,6 +13,9 @@
 #include "host_sdk/device/device.h"
 #include "protocol/crc.h"
 #include "protocol/link_decoder.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 namespace {
 
@@ -22,12 +24,6 @@ using namespace scatter::device;
 using namespace std::chrono_literals;
 using protocol::Channel;
 using protocol::MessageId;
-
-void require(bool promise) {
-  if (!promise) {
-    std::abort();
-  }
-}
 
 /// Answers by the input: each piece is one utterance; when it is used up the device is silent.
 class HostileDevice final : public Transport {

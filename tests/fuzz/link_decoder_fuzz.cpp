@@ -4,22 +4,18 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstdlib>
 #include <span>
 #include <vector>
 
 #include "protocol/link_decoder.h"
 #include "protocol/message_traits.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 using namespace scatter::protocol;
 
 namespace {
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
 
 struct Seen {
   std::vector<std::byte> frames;

@@ -3,22 +3,18 @@
 // bounds, and that keeps what was sent: the encoding begins with the payload or the payload with it.
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <span>
 #include <vector>
 
 #include "protocol/descriptor.h"
 #include "protocol/message_traits.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 using namespace scatter::protocol;
 
 namespace {
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
 
 template <Message M>
 std::vector<std::byte> encoded(const M& message) {

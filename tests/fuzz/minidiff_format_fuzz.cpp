@@ -2,23 +2,15 @@
 // end, and what our writer makes of it reads back.
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
 #include "host_sdk/formats/minidiff.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 using namespace scatter::reflectance;
-
-namespace {
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
-
-}  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);

@@ -5,20 +5,16 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <string_view>
 
 #include "host_sdk/reflectance/models/model_spec.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 namespace {
 
 using namespace scatter::reflectance;
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
 
 bool is_light(double value) {
   return std::isfinite(value) && value >= 0;

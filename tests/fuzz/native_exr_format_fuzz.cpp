@@ -1,22 +1,18 @@
 // The native EXR reader: what it accepts is a consistent grid that survives writing bit by bit.
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <string_view>
 
 #include "host_sdk/formats/native_exr.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 namespace {
 
 using scatter::reflectance::GridBrdf;
 using Planes = std::vector<std::vector<float>>;
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
 
 bool same_bits(const Planes& a, const Planes& b) {
   if (a.size() != b.size()) {

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <span>
 #include <vector>
@@ -11,17 +10,14 @@
 #include "host_sdk/device/recording_reader.h"
 #include "protocol/crc.h"
 #include "protocol/frame.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 namespace {
 
 using namespace scatter;
 using namespace scatter::device;
-
-void require(bool promise) {
-  if (!promise) {
-    std::abort();
-  }
-}
 
 void put(std::vector<std::byte>& file, std::span<const std::byte> bytes) {
   file.insert(file.end(), bytes.begin(), bytes.end());

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 
@@ -13,16 +12,13 @@
 #include "simulator/samples/sample.h"
 #include "simulator/samples/spec_sheet.h"
 #include "simulator/samples/textured_spec.h"
+#include "tests/fuzz/require.h"
+
+using scatter::fuzz::require;
 
 namespace {
 
 using namespace scatter;
-
-void require(bool holds) {
-  if (!holds) {
-    std::abort();
-  }
-}
 
 bool within(double value, double high) {
   return value >= 0 && value <= high;

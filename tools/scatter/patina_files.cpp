@@ -9,6 +9,7 @@
 #include "host_sdk/images/png_image.h"
 #include "tools/scatter/files.h"
 #include "tools/scatter/picture_light.h"
+#include "tools/scatter/square_image.h"
 
 namespace scatter::cli {
 namespace {
@@ -16,20 +17,6 @@ namespace {
 using corrosion::LayerStack;
 using corrosion::PatinaMaterial;
 using images::Image;
-
-Image grey(std::size_t side, std::vector<float> values) {
-  return {.width = side, .height = side, .channels = 1, .values = std::move(values)};
-}
-
-template <typename Triples>
-Image triples(std::size_t side, const Triples& values) {
-  Image image{.width = side, .height = side, .channels = 3, .values = {}};
-  image.values.reserve(values.size() * 3);
-  for (const auto& value : values) {
-    image.values.insert(image.values.end(), value.begin(), value.end());
-  }
-  return image;
-}
 
 /// Thickness of tarnish, or of all that is not.
 std::vector<float> thickness(const LayerStack& layers, bool tarnish) {
@@ -81,16 +68,19 @@ Result<Image> write_patina(const LayerStack& layers, const corrosion::PatinaLook
   using images::encode_exr_image;
   using images::encode_png_image;
   using images::ExrPixel;
-  put("height.exr", [&] { return encode_exr_image(grey(side, layers.surface_um()), ExrPixel::kFloat); });
-  put("tarnish.exr", [&] { return encode_exr_image(grey(side, thickness(layers, true)), ExrPixel::kFloat); });
-  put("patina.exr", [&] { return encode_exr_image(grey(side, thickness(layers, false)), ExrPixel::kFloat); });
+  put("height.exr",
+      [&] { return encode_exr_image(grey_image(side, layers.surface_um()), ExrPixel::kFloat); });
+  put("tarnish.exr",
+      [&] { return encode_exr_image(grey_image(side, thickness(layers, true)), ExrPixel::kFloat); });
+  put("patina.exr",
+      [&] { return encode_exr_image(grey_image(side, thickness(layers, false)), ExrPixel::kFloat); });
   put("albedo.exr", [&] {
-    return encode_exr_image(triples(side, corrosion::reflectance(layers, options)), ExrPixel::kHalf);
+    return encode_exr_image(triple_image(side, corrosion::reflectance(layers, options)), ExrPixel::kHalf);
   });
-  put("metalness.exr", [&] { return encode_exr_image(grey(side, look.metalness), ExrPixel::kHalf); });
-  put("roughness.exr", [&] { return encode_exr_image(grey(side, look.roughness), ExrPixel::kHalf); });
+  put("metalness.exr", [&] { return encode_exr_image(grey_image(side, look.metalness), ExrPixel::kHalf); });
+  put("roughness.exr", [&] { return encode_exr_image(grey_image(side, look.roughness), ExrPixel::kHalf); });
   put("normal.png", [&] {
-    Image normals = triples(side, look.normal);
+    Image normals = triple_image(side, look.normal);
     for (float& component : normals.values) {
       component = 0.5F + 0.5F * component;
     }

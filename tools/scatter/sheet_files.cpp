@@ -7,6 +7,7 @@
 #include "tools/scatter/files.h"
 #include "tools/scatter/sheet_map_set.h"
 #include "tools/scatter/sheet_picture.h"
+#include "tools/scatter/square_image.h"
 
 namespace scatter::cli {
 namespace {
@@ -15,26 +16,10 @@ using corrosion::Appearance;
 using corrosion::Sheet;
 using images::Image;
 
-Image grey(std::size_t side, std::vector<float> values) {
-  return {.width = side, .height = side, .channels = 1, .values = std::move(values)};
-}
-
-Image colours(const Appearance& look) {
-  Image image{.width = look.side, .height = look.side, .channels = 3, .values = {}};
-  image.values.reserve(look.albedo.size() * 3);
-  for (const auto& rgb : look.albedo) {
-    image.values.insert(image.values.end(), rgb.begin(), rgb.end());
-  }
-  return image;
-}
-
 Image normals(const Appearance& look) {
-  Image image{.width = look.side, .height = look.side, .channels = 3, .values = {}};
-  image.values.reserve(look.normal.size() * 3);
-  for (const auto& normal : look.normal) {
-    for (const float component : normal) {
-      image.values.push_back(0.5F + 0.5F * component);
-    }
+  Image image = triple_image(look.side, look.normal);
+  for (float& component : image.values) {
+    component = 0.5F + 0.5F * component;
   }
   return image;
 }
@@ -47,7 +32,7 @@ Image years_of_rust(const Sheet& sheet) {
     const float age = static_cast<float>(sheet.age_years) - birth;
     years.push_back(age > 0 ? age : 0.0F);
   }
-  return grey(sheet.side, std::move(years));
+  return grey_image(sheet.side, std::move(years));
 }
 
 }  // namespace
@@ -73,15 +58,16 @@ Result<Image> write_sheet(const Sheet& sheet, const corrosion::AppearanceOptions
   using images::encode_exr_image;
   using images::encode_png_image;
   using images::ExrPixel;
-  put("height.exr", [&] { return encode_exr_image(grey(sheet.side, sheet.height), ExrPixel::kFloat); });
-  put("albedo.exr", [&] { return encode_exr_image(colours(look), ExrPixel::kHalf); });
-  put("roughness.exr", [&] { return encode_exr_image(grey(sheet.side, look.roughness), ExrPixel::kHalf); });
+  put("height.exr", [&] { return encode_exr_image(grey_image(sheet.side, sheet.height), ExrPixel::kFloat); });
+  put("albedo.exr", [&] { return encode_exr_image(triple_image(look.side, look.albedo), ExrPixel::kHalf); });
+  put("roughness.exr",
+      [&] { return encode_exr_image(grey_image(sheet.side, look.roughness), ExrPixel::kHalf); });
   if (sheet.birth_years) {
     put("age.exr", [&] { return encode_exr_image(years_of_rust(sheet), ExrPixel::kHalf); });
   }
   put("regime.png", [&] { return encode_png_image(regime_picture(look)); });
   put("normal.png", [&] { return encode_png_image(normals(look)); });
-  put("opacity.png", [&] { return encode_png_image(grey(sheet.side, look.opacity)); });
+  put("opacity.png", [&] { return encode_png_image(grey_image(sheet.side, look.opacity)); });
   Image preview = lit_picture(sheet, look);
   put("preview.png",
       [&] { return encode_png_image(preview, {.bits = 8, .encoding = images::Encoding::kSrgb}); });

@@ -9,19 +9,10 @@
 #include "simulator/corrosion/growth.h"
 #include "tests/reference/full_scan_corrosion.h"
 #include "tests/unit/corrosion/sheet_rules.h"
+#include "tests/unit/corrosion/thesis_options.h"
 
 namespace scatter::corrosion {
 namespace {
-
-GrowthOptions thesis(std::size_t side, Corrosivity corrosivity, double age) {
-  GrowthOptions options;
-  options.mode = Mode::kThesis;
-  options.side = side;
-  options.corrosivity = corrosivity;
-  options.age_years = age;
-  options.starting_points = 20;
-  return options;
-}
 
 Sheet sheet_of(const GrowthOptions& options) {
   const auto growth = Growth::run(options);
