@@ -14,13 +14,14 @@
 #include "protocol/bounded.h"
 #include "protocol/descriptor.h"
 #include "protocol/field.h"
+#include "protocol/image_header.h"
 #include "protocol/status.h"
 #include "protocol/types.h"
 
 namespace scatter::protocol {
 
 inline constexpr std::uint8_t kWireMajor = 1;
-inline constexpr std::uint16_t kSchemaRevision = 1;
+inline constexpr std::uint16_t kSchemaRevision = 2;
 
 enum class MessageId : std::uint16_t {
   kHello = 0x0001,
@@ -70,6 +71,8 @@ enum class MessageId : std::uint16_t {
   kUpdateConfirm = 0x0019,
   kUpdateStatus = 0x001A,
   kUpdateState = 0x801A,
+  kFaultRecordRead = 0x001B,
+  kFaultRecord = 0x801B,
 };
 
 /// Objects that ObjectRead reads.
@@ -83,6 +86,7 @@ enum Capability : std::uint32_t {
   kCapabilityReferenceStage = 1U << 0U,  ///< Places sample and references itself.
   kCapabilityTransmission = 1U << 1U,    ///< The transmission module is mounted.
   kCapabilityUpdate = 1U << 2U,          ///< Update messages are served.
+  kCapabilityRescue = 1U << 3U,          ///< The bootloader answers: no image could be started.
 };
 
 enum class RunState : std::uint8_t { kIdle = 0, kRunning = 1, kHolding = 2 };
@@ -110,9 +114,28 @@ enum class FaultCode : std::uint16_t {
   kTemperatureOutOfRange = 3,
   kFlashWrite = 4,
   kCalibrationStoreRecovered = 5,
+  kStoreOfLaterVersion = 6,  ///< The store was written by a later firmware; it is left untouched.
+  kFirmwareCrashed = 7,      ///< The last reset came from a fault; see FaultRecord.
 };
 
+/// Idle: nothing received. Receiving: an announced image is incomplete. Ready: verified, tried at the next
+/// boot. Trial: the running image goes at the next boot unless it is confirmed before.
 enum class UpdatePhase : std::uint8_t { kIdle = 0, kReceiving = 1, kReady = 2, kTrial = 3 };
+
+/// What a firmware slot holds, as the device judges it.
+enum class SlotVerdict : std::uint8_t {
+  kEmpty = 0,         ///< No image begins here.
+  kReceiving = 1,     ///< An image that is not complete yet.
+  kReady = 2,         ///< Verified, not tried yet.
+  kTrial = 3,         ///< Running for the first time, not confirmed yet.
+  kReverted = 4,      ///< Was tried and not confirmed in time.
+  kConfirmed = 5,     ///< Kept.
+  kBadHeader = 6,     ///< Header damaged, of a later version, or its signature wrong.
+  kBadBody = 7,       ///< The body's hash differs from the header's.
+  kWrongProduct = 8,  ///< Made for another product.
+  kRolledBack = 9,    ///< Its security counter is below that of the confirmed image.
+  kUnreadable = 10,   ///< The flash cannot be read.
+};
 
 /// Why a calibration of one kind can or cannot be used now.
 enum class CalibrationVerdict : std::uint8_t {
@@ -565,6 +588,7 @@ struct DeviceStatus {
   std::uint32_t unknown_events = 0;
   std::uint16_t last_fault = 0;
   std::uint32_t calibration_records_recovered = 0;
+  std::uint32_t worst_poll_us = 0;
   static constexpr auto schema() {
     return fields(
         field("run_state", &DeviceStatus::run_state, "", "RunState"),
@@ -585,7 +609,9 @@ struct DeviceStatus {
               "messages not known, other than requests"),
         field("last_fault", &DeviceStatus::last_fault, "", "FaultCode"),
         field("calibration_records_recovered", &DeviceStatus::calibration_records_recovered, "",
-              "damaged records passed over at boot"));
+              "damaged records passed over at boot"),
+        field("worst_poll_us", &DeviceStatus::worst_poll_us, "us",
+              "longest turn of the main loop since boot"));
   }
 };
 
@@ -796,14 +822,11 @@ struct ClockSynced {
 struct UpdateBegin {
   static constexpr MessageId kId = MessageId::kUpdateBegin;
   static constexpr std::string_view kName = "update_begin";
-  static constexpr std::string_view kMeaning = "Announces a firmware image.";
-  std::uint32_t image_size = 0;
-  std::array<std::uint8_t, 32> image_sha256{};
-  BoundedString<32> version{};
+  static constexpr std::string_view kMeaning =
+      "Announces a firmware image by its signed header; the same header again resumes.";
+  std::array<std::uint8_t, kImageHeaderBytes> header{};
   static constexpr auto schema() {
-    return fields(field("image_size", &UpdateBegin::image_size, "B", "bytes of the image"),
-                  field("image_sha256", &UpdateBegin::image_sha256, "", "SHA-256 of the image"),
-                  field("version", &UpdateBegin::version, "", "of the image"));
+    return fields(field("header", &UpdateBegin::header, "", "the image's header, see image_header.h"));
   }
 };
 
@@ -811,11 +834,11 @@ struct UpdateBegin {
 struct UpdateWrite {
   static constexpr MessageId kId = MessageId::kUpdateWrite;
   static constexpr std::string_view kName = "update_write";
-  static constexpr std::string_view kMeaning = "A part of the image; idempotent by offset.";
+  static constexpr std::string_view kMeaning = "A part of the image's body; idempotent by offset.";
   std::uint32_t offset = 0;
   TailBytes data{};
   static constexpr auto schema() {
-    return fields(field("offset", &UpdateWrite::offset, "B", "of `data` in the image"),
+    return fields(field("offset", &UpdateWrite::offset, "B", "of `data` in the body"),
                   field("data", &UpdateWrite::data, "", "the bytes"));
   }
 };
@@ -849,18 +872,76 @@ struct UpdateStatus {
 struct UpdateState {
   static constexpr MessageId kId = MessageId::kUpdateState;
   static constexpr std::string_view kName = "update_state";
-  static constexpr std::string_view kMeaning = "How far the update is.";
-  std::uint8_t state = 0;
+  static constexpr std::string_view kMeaning = "How far the update is, and what both slots hold.";
+  UpdatePhase phase = UpdatePhase::kIdle;
   std::uint32_t received = 0;
   BoundedString<32> running_version{};
   BoundedString<32> other_version{};
-  std::uint8_t confirmed = 0;
+  std::uint8_t running_slot = 0;
+  SlotVerdict running_verdict = SlotVerdict::kEmpty;
+  SlotVerdict other_verdict = SlotVerdict::kEmpty;
+  std::uint32_t running_counter = 0;
+  std::uint32_t other_counter = 0;
+  std::uint32_t lowest_counter = 0;
+  std::uint32_t slot_bytes = 0;
+  std::uint32_t chunk_bytes = 0;
   static constexpr auto schema() {
-    return fields(field("state", &UpdateState::state, "", "UpdatePhase"),
-                  field("received", &UpdateState::received, "B", "resume from here"),
-                  field("running_version", &UpdateState::running_version, "", "version of the running image"),
-                  field("other_version", &UpdateState::other_version, "", "version in the other slot"),
-                  field("confirmed", &UpdateState::confirmed, "", "1: the running image is kept"));
+    using S = UpdateState;
+    return fields(
+        field("phase", &S::phase, "", "0 idle, 1 receiving, 2 ready, 3 trial"),
+        field("received", &S::received, "B", "of the body: go on from here"),
+        field("running_version", &S::running_version, "", "version of the running image"),
+        field("other_version", &S::other_version, "", "version in the other slot, \"\" = none"),
+        field("running_slot", &S::running_slot, "", "0 or 1; an image must be linked for the other one"),
+        field("running_verdict", &S::running_verdict, "", "SlotVerdict of the running image"),
+        field("other_verdict", &S::other_verdict, "", "SlotVerdict of the other slot"),
+        field("running_counter", &S::running_counter, "", "security counter of the running image"),
+        field("other_counter", &S::other_counter, "", "security counter in the other slot"),
+        field("lowest_counter", &S::lowest_counter, "", "images below this are refused"),
+        field("slot_bytes", &S::slot_bytes, "B", "largest body that fits"),
+        field("chunk_bytes", &S::chunk_bytes, "B", "update_write sends this much, the last one less"));
+  }
+};
+
+/// host -> device, control.
+struct FaultRecordRead {
+  static constexpr MessageId kId = MessageId::kFaultRecordRead;
+  static constexpr std::string_view kName = "fault_record_read";
+  static constexpr std::string_view kMeaning = "Asks for the snapshot of the last crash.";
+  static constexpr auto schema() { return fields(); }
+};
+
+/// device -> host.
+struct FaultRecord {
+  static constexpr MessageId kId = MessageId::kFaultRecord;
+  static constexpr std::string_view kName = "fault_record";
+  static constexpr std::string_view kMeaning = "What the processor was doing when the firmware last crashed.";
+  std::uint8_t present = 0;
+  std::uint8_t reason = 0;
+  std::uint8_t exception = 0;
+  std::uint32_t boot_count = 0;
+  std::uint64_t uptime_us = 0;
+  std::uint32_t pc = 0;
+  std::uint32_t lr = 0;
+  std::uint32_t sp = 0;
+  std::uint32_t psr = 0;
+  std::uint32_t fault_status = 0;
+  std::uint32_t hard_fault_status = 0;
+  std::uint32_t fault_address = 0;
+  BoundedString<32> build_id{};
+  static constexpr auto schema() {
+    using F = FaultRecord;
+    return fields(field("present", &F::present, "", "0: there was no crash since power-on; the rest is 0"),
+                  field("reason", &F::reason, "", "ResetReason: 2 watchdog, 3 fault"),
+                  field("exception", &F::exception, "", "processor's exception number, 0 = none (watchdog)"),
+                  field("boot_count", &F::boot_count, "", "boot in which it happened"),
+                  field("uptime_us", &F::uptime_us, "us", "device's clock at the crash"),
+                  field("pc", &F::pc, "", "program counter"), field("lr", &F::lr, "", "link register"),
+                  field("sp", &F::sp, "", "stack pointer"), field("psr", &F::psr, "", "program status"),
+                  field("fault_status", &F::fault_status, "", "CFSR"),
+                  field("hard_fault_status", &F::hard_fault_status, "", "HFSR"),
+                  field("fault_address", &F::fault_address, "", "MMFAR or BFAR when valid, else 0"),
+                  field("build_id", &F::build_id, "", "firmware that crashed"));
   }
 };
 
@@ -873,6 +954,6 @@ using AllMessages =
                CalibrationEnd, CalibrationList, CalibrationListed, CalibrationQuery, CalibrationState,
                CalibrationUndo, CalibrationRestoreFactory, KeyValueGet, KeyValue, KeyValueSet, Reboot,
                ClockSync, ClockSynced, UpdateBegin, UpdateWrite, UpdateFinish, UpdateConfirm, UpdateStatus,
-               UpdateState>;
+               UpdateState, FaultRecordRead, FaultRecord>;
 
 }  // namespace scatter::protocol

@@ -173,6 +173,7 @@ std::uint32_t Dispatcher::capabilities() const noexcept {
 void Dispatcher::hello(const Header& request, const protocol::Hello& message) noexcept {
   protocol::Offer offer;
   offer.capabilities = capabilities();
+  offer.max_payload = std::min(offer.max_payload, ports_.link.max_payload());
   protocol::Negotiation result = protocol::negotiate(message, offer, protocol::schema_digest());
   if (result.status != StatusCode::kOk) {
     reply(request, result.refusal);
@@ -189,7 +190,7 @@ void Dispatcher::hello(const Header& request, const protocol::Hello& message) no
   max_payload_ = result.reply.max_payload;
 
   protocol::HelloReply& answer = result.reply;
-  answer.build_id = kBuildId;
+  answer.build_id = ports_.build_id;
   answer.product = descriptor_.product;
   answer.serial = descriptor_.serial;
   answer.reset_reason = static_cast<std::uint8_t>(ports_.reset.reason());

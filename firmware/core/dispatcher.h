@@ -4,6 +4,7 @@
 // answered from the cache and not executed again. Not thread-safe; no call blocks.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -22,9 +23,6 @@
 
 namespace scatter::firmware {
 
-/// Firmware version in HELLO.
-inline constexpr std::string_view kBuildId = "openscatter 0.1.0";
-
 class Dispatcher {
  public:
   Dispatcher(Ports& ports, LinkOutput& output, EventLog& events, Acquisition& acquisition,
@@ -40,6 +38,8 @@ class Dispatcher {
   [[nodiscard]] Step poll() noexcept;
 
   [[nodiscard]] bool session_open() const noexcept { return session_open_; }
+  /// Longest turn of the main loop so far, for the status [us].
+  void took(std::uint32_t poll_us) noexcept { worst_poll_us_ = std::max(worst_poll_us_, poll_us); }
   /// A reboot was asked for and handed to the board.
   [[nodiscard]] bool rebooting() const noexcept { return rebooting_; }
 
@@ -113,6 +113,7 @@ class Dispatcher {
   std::uint32_t stale_frames_ = 0;
   std::uint32_t duplicates_ = 0;
   std::uint32_t unknown_events_ = 0;
+  std::uint32_t worst_poll_us_ = 0;
   std::uint64_t unix_offset_us_ = 0;  // Host's clock less the device's; 0 = unknown.
 
   Waiting waiting_ = Waiting::kNothing;

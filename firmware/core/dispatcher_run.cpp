@@ -137,6 +137,7 @@ void Dispatcher::get_status(const Header& request) noexcept {
   status.unknown_events = unknown_events_;
   status.last_fault = static_cast<std::uint16_t>(events_.last_fault());
   status.calibration_records_recovered = state_.recovered();
+  status.worst_poll_us = worst_poll_us_;
   reply(request, status);
 }
 

@@ -108,6 +108,7 @@ Step Instrument::poll() noexcept {
   if (decoder_.buffered() > 0) {
     step.wake_at_us = earlier(step.wake_at_us, std::max(heard_at_us_ + kFrameSilenceUs, now + 1));
   }
+  dispatcher_.took(static_cast<std::uint32_t>(ports_.clock.now_us() - now));
   return step;
 }
 

@@ -8,7 +8,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 
+#include "protocol/frame.h"
+#include "protocol/image_header.h"
 #include "protocol/messages.h"
 #include "protocol/types.h"
 
@@ -32,6 +35,8 @@ class Link {
   [[nodiscard]] virtual std::size_t write(std::span<const std::byte> bytes) noexcept = 0;
   /// False when no host is attached; bytes written then are discarded.
   [[nodiscard]] virtual bool connected() noexcept = 0;
+  /// Longest payload of a wire frame on this carrier [B].
+  [[nodiscard]] virtual std::uint32_t max_payload() noexcept { return protocol::kMaxPayload; }
 
  protected:
   ~Link() = default;
@@ -106,6 +111,8 @@ class Reset {
   /// Restarts the device. Returns on boards that restart a moment later (the simulator).
   virtual void reboot() noexcept = 0;
   [[nodiscard]] virtual protocol::ResetReason reason() noexcept = 0;
+  /// Snapshot of the last crash since power-on, kept through resets; present == 0: none.
+  [[nodiscard]] virtual protocol::FaultRecord fault_record() noexcept { return {}; }
 
  protected:
   ~Reset() = default;
@@ -153,10 +160,34 @@ class ReferenceStage {
   ~ReferenceStage() = default;
 };
 
-/// Verifies signatures of firmware images; absent on boards without update.
+/// Two equal places for firmware images, each a Flash of its own whose offset 0 is the slot's start; see
+/// protocol/image_header.h. Code runs in place from one of them. Absent on boards without update.
+class ImageSlots {
+ public:
+  static constexpr std::uint8_t kCount = 2;
+  /// `index` is 0 or 1.
+  [[nodiscard]] virtual Flash& slot(std::uint8_t index) noexcept = 0;
+  /// Address at which the slot is mapped for execution.
+  [[nodiscard]] virtual std::uint32_t address(std::uint8_t index) noexcept = 0;
+  /// The slot that this code runs from; kCount in the bootloader.
+  [[nodiscard]] virtual std::uint8_t running() noexcept = 0;
+
+ protected:
+  ~ImageSlots() = default;
+};
+
+/// Cryptography for firmware images (libsodium): Ed25519 signatures and SHA-512. Absent on boards
+/// without update.
 class Verifier {
  public:
-  [[nodiscard]] virtual bool verify(std::span<const std::byte> image) noexcept = 0;
+  /// True when `signature` over `message` was made by the trusted key with this id. A release build
+  /// trusts no test key.
+  [[nodiscard]] virtual bool verify(std::span<const std::byte> message, const protocol::Signature& signature,
+                                    const protocol::KeyId& key) noexcept = 0;
+  /// One SHA-512 at a time: begin, add any number of times, end.
+  virtual void hash_begin() noexcept = 0;
+  virtual void hash_add(std::span<const std::byte> bytes) noexcept = 0;
+  [[nodiscard]] virtual protocol::Sha512 hash_end() noexcept = 0;
 
  protected:
   ~Verifier() = default;
@@ -175,7 +206,9 @@ struct Ports {
   Flash& flash;
   Factory& factory;
   ReferenceStage* reference_stage = nullptr;  ///< Optional.
-  Verifier* verifier = nullptr;               ///< Optional: no update without it.
+  ImageSlots* image_slots = nullptr;          ///< Optional: no update without both of these.
+  Verifier* verifier = nullptr;
+  std::string_view build_id = "openscatter 0.1.0";  ///< Firmware version in HELLO, at most 32 bytes.
 };
 
 }  // namespace scatter::firmware

@@ -90,7 +90,7 @@ MESSAGES = {
         ("led_temperature_mK", "i32"), ("epoch", "u32"), ("run_id", "u32"), ("frames_good", "u32"),
         ("frames_bad_header", "u32"), ("frames_bad_payload", "u32"), ("bytes_skipped", "u32"),
         ("stale_session", "u32"), ("duplicates", "u32"), ("unknown_events", "u32"), ("last_fault", "u16"),
-        ("calibration_records_recovered", "u32")]),
+        ("calibration_records_recovered", "u32"), ("worst_poll_us", "u32")]),
     "calibration_begin": (0x000A, 0, []),
     "calibration_begun": (0x800A, 0, [("session", "u32"), ("reference_stage", "u8")]),
     "calibration_step": (0x000B, 0, [("session", "u32"), ("target", "u8")]),
@@ -109,14 +109,20 @@ MESSAGES = {
     "reboot": (0x0014, 0, []),
     "clock_sync": (0x0015, 0, [("host_time_us", "u64")]),
     "clock_synced": (0x8015, 0, [("host_time_us", "u64"), ("device_time_us", "u64")]),
-    "update_begin": (0x0016, 0, [("image_size", "u32"), ("image_sha256", raw(32)), ("version", text(32))]),
+    "update_begin": (0x0016, 0, [("header", raw(256))]),
     "update_write": (0x0017, 0, [("offset", "u32"), ("data", BYTES)]),
     "update_finish": (0x0018, 0, []),
     "update_confirm": (0x0019, 0, []),
     "update_status": (0x001A, 0, []),
     "update_state": (0x801A, 0, [
-        ("state", "u8"), ("received", "u32"), ("running_version", text(32)), ("other_version", text(32)),
-        ("confirmed", "u8")]),
+        ("phase", "u8"), ("received", "u32"), ("running_version", text(32)), ("other_version", text(32)),
+        ("running_slot", "u8"), ("running_verdict", "u8"), ("other_verdict", "u8"), ("running_counter", "u32"),
+        ("other_counter", "u32"), ("lowest_counter", "u32"), ("slot_bytes", "u32"), ("chunk_bytes", "u32")]),
+    "fault_record_read": (0x001B, 0, []),
+    "fault_record": (0x801B, 0, [
+        ("present", "u8"), ("reason", "u8"), ("exception", "u8"), ("boot_count", "u32"), ("uptime_us", "u64"),
+        ("pc", "u32"), ("lr", "u32"), ("sp", "u32"), ("psr", "u32"), ("fault_status", "u32"),
+        ("hard_fault_status", "u32"), ("fault_address", "u32"), ("build_id", text(32))]),
 }
 
 SENSOR = [
@@ -287,7 +293,7 @@ def rejected_payloads():
     yield "4.2 array of structs over its bound", "calibration_state", struct.pack("<H", 9) + bytes(9 * 28)
     yield "4.4 cut inside a scalar", "start", bytes(7)
     yield "4.4 cut inside a count", "key_value_get", b"\x01"
-    yield "4.4 cut inside raw bytes", "update_begin", bytes(4 + 31)
+    yield "4.4 cut inside raw bytes", "update_begin", bytes(255)
     yield "4.4 cut inside a text", "key_value_get", struct.pack("<H", 5) + b"name"
     yield "4.7 array of scalars ends early", "set_configuration", struct.pack("<HHI", 0, 2, 100)
     yield "4.7 element ends between two fields", "calibration_state", struct.pack("<HBB", 1, 2, 3)

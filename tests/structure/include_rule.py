@@ -15,9 +15,13 @@ import tempfile
 ARROWS = {
     "protocol": [],
     "firmware/ports": ["protocol"],
-    "firmware/core": ["firmware/ports", "protocol"],
-    "firmware/boot": ["firmware/ports", "protocol"],
-    "firmware/boards": ["firmware/core", "firmware/boot"],
+    "firmware/image": ["firmware/ports"],
+    "firmware/core": ["firmware/ports", "firmware/image"],
+    "firmware/boot": ["firmware/core"],
+    "firmware/crypto": ["firmware/ports", "firmware/keys"],
+    "firmware/keys": ["protocol"],
+    "firmware/backplane": ["protocol"],
+    "firmware/boards": ["firmware/core", "firmware/boot", "firmware/crypto", "firmware/backplane"],
     "host_sdk/error": [],
     "host_sdk/simd": [],
     "host_sdk/reflectance": ["host_sdk/error"],
@@ -27,6 +31,7 @@ ARROWS = {
     "host_sdk/reflectance/estimators": ["host_sdk/reflectance/search", "host_sdk/reflectance/fitting"],
     "host_sdk/images": ["host_sdk/error"],
     "host_sdk/formats": ["host_sdk/reflectance/models", "host_sdk/images"],
+    "host_sdk/firmware_files": ["host_sdk/error", "protocol"],
     "host_sdk/device": ["host_sdk/error", "protocol"],
     "host_sdk/measurement": ["host_sdk/device", "host_sdk/reflectance", "host_sdk/simd"],
     "host_sdk/c_api": ["host_sdk/measurement", "host_sdk/formats", "host_sdk/reflectance/estimators"],
@@ -35,8 +40,10 @@ ARROWS = {
     "simulator/corrosion": ["simulator/random", "host_sdk/error", "host_sdk/simd"],
     "simulator/samples": ["simulator/corrosion", "simulator/random", "host_sdk/formats"],
     "simulator/bench": ["simulator/samples", "simulator/random", "protocol"],
-    "simulator/faults": ["simulator/random", "host_sdk/error", "protocol"],
-    "simulator/instrument": ["simulator/bench", "simulator/faults", "firmware/core"],
+    "simulator/faults": ["simulator/random", "host_sdk/error", "firmware/ports"],
+    "simulator/instrument": ["simulator/bench", "simulator/faults", "firmware/core", "firmware/boot",
+                             "firmware/crypto"],
+    "simulator/emulator": ["simulator/instrument", "firmware/backplane"],
     # Tools and the documents' examples stand on everything; "*" is every row above. A tool includes another only
     # where its row says so.
     "tools/plot": ["*"],
@@ -49,7 +56,8 @@ ARROWS = {
 }
 
 # The wire and the firmware run without an operating system and without a heap.
-FREESTANDING = ("protocol", "firmware/ports", "firmware/core", "firmware/boot")
+FREESTANDING = ("protocol", "firmware/ports", "firmware/image", "firmware/core", "firmware/boot", "firmware/backplane",
+                "firmware/keys", "firmware/boards")
 HOSTED = set(
     "iostream ostream istream sstream fstream iomanip locale regex string vector map set unordered_map "
     "unordered_set list deque queue stack memory functional any thread mutex shared_mutex condition_variable "

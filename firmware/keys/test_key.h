@@ -1,0 +1,20 @@
+// The key that signs images for tests and development. Its secret half lies beside it (test.key): whoever has
+// this repository can sign with it, so a release build does not trust it.
+#pragma once
+
+#include "protocol/image_header.h"
+
+namespace scatter::firmware {
+
+/// One key that images may be signed with.
+struct TrustedKey {
+  protocol::KeyId id{};  ///< First 8 bytes of the SHA-512 of `key`.
+  protocol::PublicKey key{};
+};
+
+inline constexpr TrustedKey kTestKey{
+    .id = {0xC4, 0x07, 0x53, 0x24, 0xA1, 0xF2, 0x08, 0x17},
+    .key = {0x79, 0x32, 0x52, 0x97, 0xA6, 0x94, 0x60, 0x28, 0x7F, 0xEA, 0x15, 0x07, 0xC9, 0x34, 0x17, 0xB9,
+            0xAA, 0xB0, 0xB0, 0x10, 0x68, 0xFF, 0xBF, 0xF2, 0x09, 0x1C, 0xD8, 0xCF, 0x65, 0xE5, 0x1D, 0xF3}};
+
+}  // namespace scatter::firmware
