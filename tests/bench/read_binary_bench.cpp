@@ -1,10 +1,13 @@
 // Reading binary files, from disk to a BRDF that answers. The peer reads the file's bytes and does
 // nothing with them; for EXR tiles it is OpenEXR, which unpacks them.
+#include <fcntl.h>
+#include <unistd.h>
 #if __has_include(<malloc.h>)
 #include <malloc.h>
 #endif
 
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <string>
 #include <utility>
@@ -37,9 +40,20 @@ void return_memory() {
 #endif
 }
 
-/// Two readings of "the speed of a bare read": `name` reads files and keeps what came of them, both
-/// sides in memory new to the program; `name.one_buffer` lets the bare read fill the same warm buffer
-/// again and again, which no reader that gives anything away can, and ours reuse what malloc has.
+/// The system forgets the file's contents, so that the next read comes from the disk.
+void forget_file(const std::filesystem::path& path) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file >= 0) {
+    (void)::fdatasync(file);
+    (void)::posix_fadvise(file, 0, 0, POSIX_FADV_DONTNEED);
+    ::close(file);
+  }
+}
+
+/// Three readings of "the speed of a bare read": `name` reads files and keeps what came of them, both
+/// sides in memory new to the program; `name.disk` the same for one file that the system has not cached;
+/// `name.one_buffer` lets the bare read fill the same warm buffer again and again, which no reader that
+/// gives anything away can, and ours reuse what malloc has.
 /// read: path -> Result of something.
 template <typename Read>
 std::vector<Figure> against_bare_read(const std::string& name, const std::string& bytes, std::size_t kept,
@@ -68,6 +82,20 @@ std::vector<Figure> against_bare_read(const std::string& name, const std::string
                              .peer = "bare read into new memory",
                              .theirs = [&] { keep_all(bare); },
                              .round_seconds = kRoundSeconds}),
+          run_contest(name + ".disk", {.unit = "MB/s",
+                                       .work = megabytes,
+                                       .ours =
+                                           [&] {
+                                             forget_file(path);
+                                             keep(read(path).has_value());
+                                           },
+                                       .peer = "bare read from the disk",
+                                       .theirs =
+                                           [&] {
+                                             forget_file(path);
+                                             keep(bare(path).has_value());
+                                           },
+                                       .round_seconds = kRoundSeconds}),
           run_contest(name + ".one_buffer", {.unit = "MB/s",
                                              .work = megabytes,
                                              .ours = [&] { keep(read(path).has_value()); },
