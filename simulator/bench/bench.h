@@ -18,8 +18,9 @@
 namespace scatter::simulator {
 
 enum class Profile : std::uint8_t {
-  kHs1,   ///< 480 x 480, 10 bit.
-  kFine,  ///< 1024 x 1024, 12 bit.
+  kHs1,     ///< 480 x 480, 10 bit.
+  kFine,    ///< 1024 x 1024, 12 bit.
+  kBinned,  ///< HS-1 read in blocks of 4 x 4: 120 x 120, 10 bit. For slow links.
 };
 
 /// How the true instrument differs from its certificates.

@@ -48,28 +48,33 @@ protocol::ReferenceCertificate certificate(protocol::Target kind, std::string_vi
 
 protocol::Descriptor certified_descriptor(const BenchOptions& options, bool transmission) {
   const bool fine = options.profile == Profile::kFine;
+  const auto side = static_cast<float>(binning(options.profile));
+  const float area = side * side;
   const auto serial = static_cast<std::uint32_t>(options.seed ^ (options.seed >> 32U));
   protocol::Descriptor d;
   d.product = fine ? "OpenScatter HS-1 fine (simulated)" : "OpenScatter HS-1 (simulated)";
   d.serial = std::string_view(fmt::format("SIM-{:08x}", serial));
   d.hardware_revision = "1.0";
-  d.sensor = {.width_px = static_cast<std::uint16_t>(fine ? 1024 : 480),
-              .height_px = static_cast<std::uint16_t>(fine ? 1024 : 480),
+  const auto pixels = static_cast<std::uint16_t>((fine ? 1024 : 480) / binning(options.profile));
+  // Binning adds the readings of side x side pixels: their electrons, wells and dark currents add up, their
+  // read noise adds in squares, and the sum is given in the same 10 bits above the same black level.
+  d.sensor = {.width_px = pixels,
+              .height_px = pixels,
               .bits = static_cast<std::uint8_t>(fine ? 12 : 10),
               .min_exposure_us = 10,
               .max_exposure_us = 200000,
               .readout_us = fine ? 33000U : 16000U,
-              .gain_e_per_dn = fine ? 2.5F : 10.0F,
-              .full_well_e = 10000.0F,
-              .read_noise_e = 25.0F,
+              .gain_e_per_dn = fine ? 2.5F : 10.0F * area,
+              .full_well_e = 10000.0F * area,
+              .read_noise_e = 25.0F * side,
               .black_level_dn = fine ? 64.0F : 16.0F,
-              .dark_current_e_per_s = 50.0F,
+              .dark_current_e_per_s = 50.0F * area,
               .dark_doubling_K = 7.0F,
               .reference_temperature_mK = 298150,
               .linearity = -0.01F};
   // A mild distortion: the first terms of the equisolid angle projection 2 sin(theta / 2), 75 deg
   // at 224 px of the 480 px window.
-  const float scale = fine ? 1024.0F / 480.0F : 1.0F;
+  const float scale = static_cast<float>(pixels) / 480.0F;
   d.optics = {.center_x_px = 240.6F * scale,
               .center_y_px = 239.5F * scale,
               .radius_px = 184.0F * scale,

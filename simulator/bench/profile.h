@@ -13,6 +13,11 @@ inline constexpr double kWhite_per_sr = 0.99 / reflectance::kPi;
 inline constexpr double kBlack_per_sr = 0.012 / reflectance::kPi;
 inline constexpr double kTranslucent_per_sr = 0.5 / reflectance::kPi;
 
+/// Pixels of the sensor that one pixel of the frame sums, along each side.
+[[nodiscard]] constexpr int binning(Profile profile) noexcept {
+  return profile == Profile::kBinned ? 4 : 1;
+}
+
 /// The descriptor of an instrument without faults.
 [[nodiscard]] protocol::Descriptor certified_descriptor(const BenchOptions& options, bool transmission);
 

@@ -13,12 +13,18 @@ namespace {
 using reflectance::radians;
 using Vector = reflectance::Direction;
 
+// Of a pixel that is not binned.
 constexpr double kPixelGainRms = 0.01;
 constexpr double kPixelOffsetRms_dn = 0.5;
 constexpr double kHotShare = 5e-4;
 constexpr double kStrayShare = 0.002;
 /// Smaller than the certified blind radius, so that its disc hides every pixel that is touched.
 constexpr double kHeadRadiusRad = 2.1 * reflectance::kPi / 180.0;
+
+/// Pixels that a pixel of the frame sums.
+double area(const BenchOptions& options) noexcept {
+  return static_cast<double>(binning(options.profile)) * binning(options.profile);
+}
 
 /// What a draw is worth: nothing when the certificates are exact.
 class Draws {
@@ -72,7 +78,8 @@ void draw_geometry(const protocol::Descriptor& d, const BenchOptions& options, D
     }
     // K_s makes every reference equally bright, whatever cos(theta_i).
     const bool below = led.theta_rad > reflectance::kPi / 2;
-    truth.gain.push_back(kReferenceRate_e_per_s / (below ? kTranslucent_per_sr : kWhite_per_sr) /
+    truth.gain.push_back(area(options) * kReferenceRate_e_per_s /
+                         (below ? kTranslucent_per_sr : kWhite_per_sr) /
                          std::abs(std::cos(double{led.theta_rad})));
   }
 }
@@ -139,24 +146,28 @@ void draw_sensor(const protocol::Descriptor& d, const BenchOptions& options, Tru
   const double half = static_cast<double>(width) / 2;
   const double drawn = options.references == References::kDrawn ? 0.001 : 0.0;
   const Dirt dirt(options, static_cast<double>(width));
+  // Means over a block scatter less: by the block's side, and so do offsets in units of its larger gain.
+  const double per_side = 1.0 / binning(options.profile);
+  const double rate_e_per_s = area(options) * kReferenceRate_e_per_s;
   const std::vector<float> gains = normals({options.seed, Purpose::kPixelGain}, count);
   const std::vector<float> gain_draws = normals({options.seed, Purpose::kPixelGainDraws}, count);
   const std::vector<float> offsets = normals({options.seed, Purpose::kPixelOffset}, count);
   for (std::size_t p = 0; p < count; ++p) {
     const double x = static_cast<double>(p % width) + 0.5;
     const double y = static_cast<double>(p / width) + 0.5;
-    const auto steps = std::clamp(std::lround(1000 * kPixelGainRms * double{gains[p]}), -127L, 127L);
+    const auto steps =
+        std::clamp(std::lround(1000 * kPixelGainRms * per_side * double{gains[p]}), -127L, 127L);
     truth.gain_map[p] = static_cast<std::byte>(static_cast<std::int8_t>(steps));
     const double gain = 1.0 + 1e-3 * static_cast<double>(steps) + drawn * double{gain_draws[p]};
     truth.offset_dn[p] =
-        static_cast<float>(d.sensor.black_level_dn + kPixelOffsetRms_dn * double{offsets[p]});
-    truth.stray_e_per_s[p] = static_cast<float>(gain * kStrayShare * kReferenceRate_e_per_s *
+        static_cast<float>(d.sensor.black_level_dn + kPixelOffsetRms_dn * per_side * double{offsets[p]});
+    truth.stray_e_per_s[p] = static_cast<float>(gain * kStrayShare * rate_e_per_s *
                                                 (1.0 + 0.3 * (x - half) / half - 0.2 * (y - half) / half));
     const Vector w = lens.direction(x, y);
     if (w.z >= edge) {
       const double pass = falloff(w) * (dirt.any() ? dirt.pass(x, y) : 1.0) * gain;
       truth.leak_e_per_s[p] =
-          static_cast<float>(pass * kReferenceRate_e_per_s / 0.99 * (1.0 + 0.3 * (0.8 * w.x - 0.6 * w.y)));
+          static_cast<float>(pass * rate_e_per_s / 0.99 * (1.0 + 0.3 * (0.8 * w.x - 0.6 * w.y)));
       truth.sensitivity[p] = hidden_by_head(truth, w) ? 0.0F : static_cast<float>(pass);
     }
   }
@@ -164,7 +175,7 @@ void draw_sensor(const protocol::Descriptor& d, const BenchOptions& options, Tru
 
 void draw_hot_pixels(const BenchOptions& options, Truth& truth) {
   const auto count = static_cast<std::uint32_t>(truth.dark_e_per_s.size());
-  const auto known = static_cast<std::uint32_t>(std::lround(kHotShare * count));
+  const auto known = static_cast<std::uint32_t>(std::lround(kHotShare * area(options) * count));
   RandomStream random({options.seed, Purpose::kHotPixels});
   const auto heat = [&](std::uint32_t pixel, RandomStream& from) {
     truth.dark_e_per_s[pixel] += static_cast<float>(5000.0 * std::pow(100.0, from.uniform()));

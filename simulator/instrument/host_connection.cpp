@@ -10,7 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "simulator/instrument/virtual_instrument.h"
+#include "simulator/instrument/served_device.h"
 
 namespace scatter::simulator {
 namespace {
@@ -23,17 +23,17 @@ bool would_block() noexcept {
 
 }  // namespace
 
-HostConnection::HostConnection(FileDescriptor socket, std::string peer, VirtualInstrument& instrument)
+HostConnection::HostConnection(FileDescriptor socket, std::string peer, ServedDevice& device)
     : socket_(std::move(socket)),
       name_(std::move(peer)),
-      instrument_(instrument),
+      device_(device),
       received_(64 * 1024),
       hello_buffer_(protocol::kMaxFrameBytes),
       hello_decoder_(hello_buffer_) {}
 
 short HostConnection::wanted_events() const {
   int events = pending_.empty() ? 0 : POLLOUT;
-  if (instrument_.writable() > 0) {
+  if (device_.writable() > 0) {
     events |= POLLIN;
   }
   return static_cast<short>(events);
@@ -45,10 +45,10 @@ HostConnection::State HostConnection::pump(bool& moved) {
   }
   while (send_pending()) {
     pending_.resize(kBlock);
-    pending_.resize(instrument_.host_read(pending_));
+    pending_.resize(device_.host_read(pending_));
     if (pending_.empty()) {
-      // Everything is sent; a link that the instrument broke ends the connection only now.
-      return instrument_.attached() ? State::kOpen : State::kGone;
+      // Everything is sent; a link that the device broke ends the connection only now.
+      return device_.attached() ? State::kOpen : State::kGone;
     }
     moved = true;
   }
@@ -76,7 +76,7 @@ bool HostConnection::send_pending() {
 /// False when the host is gone.
 bool HostConnection::receive(bool& moved) {
   while (true) {
-    const std::size_t room = std::min(instrument_.writable(), received_.size());
+    const std::size_t room = std::min(device_.writable(), received_.size());
     if (room == 0) {
       // Nothing can be read now, yet a host that left must be noticed.
       pollfd look{number(), POLLRDHUP, 0};
@@ -92,7 +92,7 @@ bool HostConnection::receive(bool& moved) {
     const auto bytes = std::span(received_).first(static_cast<std::size_t>(count));
     learn_name(bytes);
     // There is room for all of them, unless a fault broke the link on the way.
-    if (instrument_.host_write(bytes) != bytes.size()) {
+    if (device_.host_write(bytes) != bytes.size()) {
       return true;
     }
     moved = true;

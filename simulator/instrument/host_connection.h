@@ -13,13 +13,13 @@
 
 namespace scatter::simulator {
 
-class VirtualInstrument;
+class ServedDevice;
 
-/// The host that holds the instrument: moves bytes between its socket and the instrument's link.
+/// The host that holds the device: moves bytes between its socket and the device's link.
 /// Bounded memory; never blocks.
 class HostConnection {
  public:
-  HostConnection(FileDescriptor socket, std::string peer, VirtualInstrument& instrument);
+  HostConnection(FileDescriptor socket, std::string peer, ServedDevice& device);
 
   [[nodiscard]] int number() const noexcept { return socket_.number(); }
   /// The name that the host gave in HELLO, else where it comes from.
@@ -30,7 +30,7 @@ class HostConnection {
   [[nodiscard]] bool host_is_slow() const noexcept { return !pending_.empty(); }
 
   enum class State : std::uint8_t { kOpen, kGone };
-  /// Moves what can be moved now. `moved` becomes true when bytes reached or left the instrument: it
+  /// Moves what can be moved now. `moved` becomes true when bytes reached or left the device: it
   /// has something to do then.
   [[nodiscard]] State pump(bool& moved);
 
@@ -41,8 +41,8 @@ class HostConnection {
 
   FileDescriptor socket_;
   std::string name_;
-  VirtualInstrument& instrument_;
-  std::vector<std::byte> pending_;  ///< Taken from the instrument, not yet sent; [sent_, size).
+  ServedDevice& device_;
+  std::vector<std::byte> pending_;  ///< Taken from the device, not yet sent; [sent_, size).
   std::size_t sent_ = 0;
   std::vector<std::byte> received_;
   std::vector<std::byte> hello_buffer_;

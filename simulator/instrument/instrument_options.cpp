@@ -16,7 +16,8 @@ struct Choice {
   T value;
 };
 
-constexpr Choice<Profile> kProfiles[]{{"hs1", Profile::kHs1}, {"fine", Profile::kFine}};
+constexpr Choice<Profile> kProfiles[]{
+    {"hs1", Profile::kHs1}, {"fine", Profile::kFine}, {"binned", Profile::kBinned}};
 constexpr Choice<CalibrationHeld> kCalibrations[]{{"session", CalibrationHeld::kSession},
                                                   {"stale", CalibrationHeld::kStale},
                                                   {"none", CalibrationHeld::kNone}};

@@ -36,7 +36,7 @@ struct InstrumentOptions {
 /// Options from a query such as "?sample=ggx:alpha=0.2+tilt=1.0@30&seed=7&fault=drop:1e-3".
 ///
 /// Grammar   ['?'] [KEY '=' VALUE ('&' KEY '=' VALUE)*]; "%xx" is decoded, '+' stays '+'. Keys: sample,
-///           seed, fault (may be repeated), profile=hs1|fine, calibration=session|stale|none,
+///           seed, fault (may be repeated), profile=hs1|fine|binned, calibration=session|stale|none,
 ///           references=exact|drawn, clock=virtual|real, module=transmission|none, flash=FILE.
 /// `defaults` holds what the text leaves out.
 /// Errors    kInvalidArgument naming the key, the value found and those expected. The sample's text is

@@ -18,13 +18,15 @@
 #include "firmware/core/step.h"
 #include "simulator/instrument/host_connection.h"
 #include "simulator/instrument/listener.h"
+#include "simulator/instrument/served_device.h"
 #include "simulator/instrument/virtual_instrument.h"
 
 namespace scatter::simulator {
 
 struct Server::Parts {
   Listener listener;
-  VirtualInstrument& instrument;
+  ServedDevice& device;
+  std::unique_ptr<ServedDevice> owned;  ///< `device`, where it is an adapter of ours.
   std::optional<HostConnection> host;
   std::vector<TurnedAway> turned_away;
   Statistics statistics;
@@ -37,6 +39,30 @@ struct Server::Parts {
 namespace {
 
 constexpr std::size_t kMostTurnedAway = 8;
+
+/// The virtual instrument as what the server serves.
+class ServedInstrument final : public ServedDevice {
+ public:
+  explicit ServedInstrument(VirtualInstrument& instrument) : instrument_(instrument) {}
+  void attach() override { instrument_.attach(); }
+  void detach() override { instrument_.detach(); }
+  [[nodiscard]] bool attached() const override { return instrument_.attached(); }
+  [[nodiscard]] std::size_t host_write(std::span<const std::byte> bytes) override {
+    return instrument_.host_write(bytes);
+  }
+  [[nodiscard]] std::size_t writable() override { return instrument_.writable(); }
+  [[nodiscard]] std::size_t host_read(std::span<std::byte> out) override {
+    return instrument_.host_read(out);
+  }
+  [[nodiscard]] std::size_t readable() override { return instrument_.readable(); }
+  [[nodiscard]] Result<std::uint64_t> run_ready() override { return instrument_.run_ready(); }
+  [[nodiscard]] std::uint64_t now_us() const override { return instrument_.now_us(); }
+  [[nodiscard]] ClockMode clock_mode() const override { return instrument_.clock_mode(); }
+  void advance_to(std::uint64_t time_us) override { instrument_.advance_to(time_us); }
+
+ private:
+  VirtualInstrument& instrument_;
+};
 
 std::uint64_t microseconds_since(std::chrono::steady_clock::time_point start) {
   return static_cast<std::uint64_t>(
@@ -54,8 +80,8 @@ void Server::Parts::accept_all() {
       return;
     }
     if (!host) {
-      instrument.attach();
-      host.emplace(std::move(connection), std::move(peer), instrument);
+      device.attach();
+      host.emplace(std::move(connection), std::move(peer), device);
       ++statistics.hosts;
       continue;
     }
@@ -66,12 +92,12 @@ void Server::Parts::accept_all() {
   }
 }
 
-/// True when bytes reached or left the instrument.
+/// True when bytes reached or left the device.
 bool Server::Parts::pump_host() {
   bool moved = false;
   if (host && host->pump(moved) == HostConnection::State::kGone) {
     host.reset();
-    instrument.detach();
+    device.detach();
   }
   std::erase_if(turned_away, [](TurnedAway& each) { return !each.pump(); });
   return moved;
@@ -86,6 +112,7 @@ Status Server::Parts::wait(int stop_event, std::uint64_t microseconds) {
     files.push_back({each.number(), POLLIN, 0});
     microseconds = std::min<std::uint64_t>(microseconds, 50'000);
   }
+  device.add_waits(files);
   const timespec timeout{static_cast<time_t>(microseconds / 1'000'000),
                          static_cast<long>(microseconds % 1'000'000 * 1000)};
   if (::ppoll(files.data(), files.size(), &timeout, nullptr) < 0 && errno != EINTR) {
@@ -95,14 +122,24 @@ Status Server::Parts::wait(int stop_event, std::uint64_t microseconds) {
   return {};
 }
 
-Result<std::unique_ptr<Server>> Server::listen(std::string_view address, VirtualInstrument& instrument,
+Result<std::unique_ptr<Server>> Server::listen(std::string_view address, ServedDevice& device,
                                                const ServerOptions& options) {
   Result<Listener> listener = Listener::open(address, options.allow_remote);
   if (!listener) {
     return std::unexpected(std::move(listener.error()));
   }
-  return std::unique_ptr<Server>(
-      new Server(std::unique_ptr<Parts>(new Parts{std::move(*listener), instrument, std::nullopt, {}, {}})));
+  return std::unique_ptr<Server>(new Server(
+      std::unique_ptr<Parts>(new Parts{std::move(*listener), device, nullptr, std::nullopt, {}, {}})));
+}
+
+Result<std::unique_ptr<Server>> Server::listen(std::string_view address, VirtualInstrument& instrument,
+                                               const ServerOptions& options) {
+  auto served = std::make_unique<ServedInstrument>(instrument);
+  Result<std::unique_ptr<Server>> server = listen(address, *served, options);
+  if (server) {
+    (*server)->parts_->owned = std::move(served);
+  }
+  return server;
 }
 
 Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
@@ -121,17 +158,21 @@ Status Server::serve(const std::stop_token& stop) {
     const std::uint64_t one = 1;
     (void)!::write(stop_event.number(), &one, sizeof one);
   });
-  VirtualInstrument& instrument = parts_->instrument;
-  const bool is_virtual = instrument.clock_mode() == ClockMode::kVirtual;
+  ServedDevice& device = parts_->device;
+  const bool is_virtual = device.clock_mode() == ClockMode::kVirtual;
   while (!stop.stop_requested()) {
     parts_->accept_all();
-    const std::uint64_t wake = instrument.run_ready();
-    if (parts_->pump_host() || instrument.readable() > 0) {
+    const Result<std::uint64_t> ran = device.run_ready();
+    if (!ran) {
+      return std::unexpected(ran.error());
+    }
+    const std::uint64_t wake = *ran;
+    if (parts_->pump_host() || device.readable() > 0) {
       if (!parts_->host || !parts_->host->host_is_slow()) {
         continue;
       }
     }
-    const std::uint64_t now = instrument.now_us();
+    const std::uint64_t now = device.now_us();
     std::uint64_t pause = wake > now ? wake - now : 0;
     const bool host_is_slow = parts_->host && parts_->host->host_is_slow();
     // Nothing is scheduled: the device sleeps until the host asks for something.
@@ -141,7 +182,7 @@ Status Server::serve(const std::stop_token& stop) {
       if (Status looked = parts_->wait(stop_event.number(), 0); !looked) {
         return looked;
       }
-      instrument.advance_to(wake);
+      device.advance_to(wake);
       continue;
     }
     if (host_is_slow) {
@@ -152,12 +193,12 @@ Status Server::serve(const std::stop_token& stop) {
       return waited;
     }
     if (is_virtual && !host_is_slow) {
-      instrument.advance_to(std::min(wake, now + microseconds_since(start)));
+      device.advance_to(std::min(wake, now + microseconds_since(start)));
     }
   }
   if (parts_->host) {
     parts_->host.reset();
-    instrument.detach();
+    device.detach();
   }
   return {};
 }

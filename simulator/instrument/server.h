@@ -1,4 +1,4 @@
-// Serves a virtual instrument to other processes over a socket.
+// Serves a virtual instrument, or another device, to other processes over a socket.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +11,14 @@
 
 namespace scatter::simulator {
 
+class ServedDevice;
 class VirtualInstrument;
 
 struct ServerOptions {
   bool allow_remote = false;  ///< Listen on addresses that other computers reach.
 };
 
-/// One instrument, one host at a time. The first connection is the host; another one meanwhile gets a
+/// One device, one host at a time. The first connection is the host; another one meanwhile gets a
 /// BUSY reply that names the holder, and the first notices nothing. A host that vanishes ends its run;
 /// the next one may come at once.
 ///
@@ -28,8 +29,10 @@ struct ServerOptions {
 class Server {
  public:
   /// Starts to listen; hosts can connect from now on and are served by serve().
-  /// `instrument` must outlive the server. `address`: tcp:HOST:PORT (port 0: a free one) or unix:PATH.
+  /// `device` must outlive the server. `address`: tcp:HOST:PORT (port 0: a free one) or unix:PATH.
   /// Errors    see Listener::open.
+  [[nodiscard]] static Result<std::unique_ptr<Server>> listen(std::string_view address, ServedDevice& device,
+                                                              const ServerOptions& options = {});
   [[nodiscard]] static Result<std::unique_ptr<Server>> listen(std::string_view address,
                                                               VirtualInstrument& instrument,
                                                               const ServerOptions& options = {});
@@ -39,11 +42,11 @@ class Server {
   [[nodiscard]] const std::string& address() const noexcept;
 
   /// Serves until stopped (within 100 ms); the socket file goes with the Server.
-  /// Errors    kInternal: the system refuses to poll.
+  /// Errors    kInternal: the system refuses to poll; others by the device when it is gone for good.
   [[nodiscard]] Status serve(const std::stop_token& stop);
 
   struct Statistics {
-    std::uint64_t hosts = 0;        ///< Connections that held the instrument.
+    std::uint64_t hosts = 0;        ///< Connections that held the device.
     std::uint64_t turned_away = 0;  ///< Connections that got BUSY.
   };
   [[nodiscard]] Statistics statistics() const noexcept;
