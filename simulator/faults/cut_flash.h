@@ -1,8 +1,10 @@
 // Flash memory stricter than hardware, whose power can be cut at any operation.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,7 +20,8 @@ enum class CutKind : std::uint8_t {
                 ///< bytes.
   kHalfErased,  ///< Erase: every cell is somewhere between old and erased. Program: as kTornPrefix.
   kAfter,       ///< It was finished.
-  kUnstable,    ///< Every cell of the operation reads as old or new, drawn again at each power-on.
+  kUnstable,    ///< The cells of the operation read as old or new: all old, all new, or each its own way,
+                ///< drawn again at each power-on.
   kTrap,        ///< Reading any cell of the operation fails until it is erased.
 };
 inline constexpr std::uint8_t kCutKinds = 6;
@@ -65,10 +68,17 @@ class Supply {
 };
 
 /// Programming a cell that is not erased, an unaligned range or one outside the part is a violation: a
-/// correct firmware leaves violations() at 0. Threads: one.
+/// correct firmware leaves violations() at 0. A cell that a cut left unstable counts as erased while it reads
+/// so; programming it either makes it sound or, just as often, fails and leaves the granule unreadable, as
+/// flash with error correction does: who reads back and goes on to another place survives both.
+///
+/// Copies share their cells until one changes them: a copy costs about 16 bytes per kilobyte.
+/// Threads: one per object; copies are independent.
 class CutFlash final : public firmware::Flash {
  public:
   CutFlash(Geometry geometry, Supply& supply);
+  /// The same cells on another supply.
+  CutFlash(const CutFlash& other, Supply& supply);
 
   [[nodiscard]] Geometry geometry() noexcept override { return geometry_; }
   [[nodiscard]] bool read(std::uint32_t offset, std::span<std::byte> out) noexcept override;
@@ -84,18 +94,44 @@ class CutFlash final : public firmware::Flash {
   void wear_out(std::uint32_t unit);
   void rot(std::uint32_t offset, std::uint8_t flipped_bits);
   void trap(std::uint32_t offset, std::uint32_t length);
+  /// Puts these bytes there, whatever was there before.
+  void overwrite(std::uint32_t offset, std::span<const std::byte> bytes);
 
  private:
-  enum class Cell : std::uint8_t { kSound, kUnstable, kTrapping };
+  static constexpr std::uint32_t kPageBytes = 1024;
+  enum class CellState : std::uint8_t { kSound, kUnstable, kTrapping };
+  struct Cell {
+    std::byte value{0xFF};
+    CellState state = CellState::kSound;
+    std::byte alternative{0xFF};  ///< Of an unstable cell: what it reads as otherwise.
+    std::uint32_t seed = 0;       ///< Of an unstable cell: names the cut that left it.
+  };
+  using Bytes = std::array<std::byte, kPageBytes>;
+  using Cells = std::array<Cell, kPageBytes>;
+  /// Neither: erased. `sound`: every cell is sound. `cells`: some are not.
+  struct Page {
+    std::shared_ptr<const Bytes> sound;
+    std::shared_ptr<const Cells> cells;
+  };
+
+  [[nodiscard]] std::uint32_t bytes() const noexcept { return geometry_.unit_bytes * geometry_.units; }
+  [[nodiscard]] bool inside(std::uint32_t offset, std::size_t length) const noexcept;
+  [[nodiscard]] Cell cell(std::uint32_t offset) const noexcept;
+  /// What the cell reads as in this power-on; nothing for a trapping one is told here.
+  [[nodiscard]] std::byte reading(const Cell& cell, std::uint32_t offset) const noexcept;
+  /// Calls change(cell, index in the range) for every cell of the range.
+  template <typename Change>
+  void edit(std::uint32_t offset, std::size_t length, Change&& change);
+  void set_erased(std::uint32_t offset, std::uint32_t length);
+  /// True: go on. False: the power is gone, or goes now (`cut_now`).
   [[nodiscard]] bool begin_operation(bool& cut_now) noexcept;
-  void break_off(std::uint32_t offset, std::span<const std::byte> wanted, bool erasing) noexcept;
+  void break_program(std::uint32_t offset, std::span<const std::byte> wanted);
+  void break_erase(std::uint32_t offset);
   void violate(std::string what) noexcept;
 
   Geometry geometry_;
-  Supply& supply_;
-  std::vector<std::byte> cells_;
-  std::vector<std::byte> alternative_;  ///< Of unstable cells: what they read as otherwise.
-  std::vector<Cell> states_;
+  Supply* supply_;
+  std::vector<Page> pages_;
   std::vector<std::uint64_t> erases_;
   std::vector<bool> worn_;
   std::uint64_t violations_ = 0;
