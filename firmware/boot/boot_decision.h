@@ -23,8 +23,9 @@ struct BootDecision {
 
 /// Chooses, in this order: an image that is ready and was not tried; the confirmed image with the highest
 /// number; the other confirmed image; and, unless this boot follows a crash, any other whole image, so that a
-/// device with one good image starts. Only images with a trusted signature, for this product, slot and address,
-/// with the right body hash are ever chosen, and unconfirmed ones only at or above the lowest counter.
+/// device with one good image starts. Only images with a trusted signature, for this product, slot and
+/// address, with the right body hash are ever chosen, and unconfirmed ones only at or above the lowest
+/// counter.
 ///
 /// Before it returns: half-written marks are completed, a trial is marked as tried, an image that was not
 /// confirmed in time as reverted. So the next boot decides alike, whatever a power cut did to single cells.

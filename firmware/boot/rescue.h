@@ -32,7 +32,8 @@ struct RescuePorts {
 };
 
 /// Serves HELLO, the update messages, fault_record_read, get_status, clock_sync and reboot; any other request
-/// gets FAILED_PRECONDITION that tells to flash a firmware image. No heap; RAM: about 56 KiB, in static memory.
+/// gets FAILED_PRECONDITION that tells to flash a firmware image. No heap; RAM: about 56 KiB, in static
+/// memory.
 class Rescue {
  public:
   explicit Rescue(const RescuePorts& ports) noexcept;
@@ -56,7 +57,6 @@ class Rescue {
   void execute(const Frame& frame) noexcept;
   void hello(const Frame& frame) noexcept;
   void get_status(const Header& request) noexcept;
-  void update(const Frame& frame) noexcept;
   void answer(const Header& request, const UpdateAnswer& answer) noexcept;
   template <protocol::Message M>
   void reply(const Header& request, const M& message) noexcept;
@@ -82,7 +82,8 @@ class Rescue {
   protocol::ReplyCache cache_{cache_bytes_, kCacheSlots};
   UpdateReceiver update_;
   std::optional<Header> waiting_;  // Update request that has not got its last reply.
-  std::uint64_t pending_until_us_ = 0;
+  std::uint64_t promised_us_ = 0;
+  std::uint32_t max_payload_ = protocol::kMaxPayload;
 };
 
 }  // namespace scatter::firmware

@@ -1,5 +1,5 @@
-// Routing, sessions and replies. Handlers of runs and of calibration are in dispatcher_run.cpp and
-// dispatcher_calibration.cpp.
+// Routing, sessions and replies. Handlers of runs and of calibration are in dispatcher_run.cpp,
+// dispatcher_calibration.cpp and dispatcher_update.cpp.
 #include "firmware/core/dispatcher.h"
 
 #include <algorithm>
@@ -29,7 +29,11 @@ Dispatcher::Dispatcher(Ports& ports, LinkOutput& output, EventLog& events, Acqui
       counters_(counters),
       descriptor_(ports.factory.descriptor()),
       objects_(ports.factory),
-      stage_(ports.reference_stage) {}
+      stage_(ports.reference_stage) {
+  if (ports.image_slots != nullptr && ports.verifier != nullptr) {
+    update_.emplace(*ports.image_slots, *ports.verifier, descriptor_.product.str());
+  }
+}
 
 void Dispatcher::on_frame(const Frame& frame) noexcept {
   const Header& header = frame.header();
@@ -135,7 +139,9 @@ void Dispatcher::execute(const Frame& frame) noexcept {
     case MessageId::kUpdateFinish:
     case MessageId::kUpdateConfirm:
     case MessageId::kUpdateStatus:
-      return reply_status(h, StatusCode::kUnimplemented, "this firmware has no update over the wire");
+      return update(frame);
+    case MessageId::kFaultRecordRead:
+      return reply(h, ports_.reset.fault_record());
     default:
       return reply_status(h, StatusCode::kUnimplemented, "unknown request");
   }
@@ -167,6 +173,9 @@ std::uint32_t Dispatcher::capabilities() const noexcept {
   if (descriptor_.transmission_module != 0) {
     bits |= protocol::kCapabilityTransmission;
   }
+  if (update_) {
+    bits |= protocol::kCapabilityUpdate;
+  }
   return bits;
 }
 
@@ -183,6 +192,7 @@ void Dispatcher::hello(const Header& request, const protocol::Hello& message) no
   waiting_ = Waiting::kNothing;
   stop_request_.reset();
   calibration_.end();
+  drop_update();
   output_.begin_session(request.session);
   cache_.clear();
   (void)cache_.admit(request);
@@ -201,6 +211,7 @@ void Dispatcher::hello(const Header& request, const protocol::Hello& message) no
   reply(request, answer);
 
   events_.open(true);
+  tell_crash();
   if (!told_recovery_ && (state_.recovered() > 0 || !state_.mounted())) {
     told_recovery_ = true;
     if (state_.mounted()) {
@@ -218,6 +229,7 @@ void Dispatcher::link_closed() noexcept {
   waiting_ = Waiting::kNothing;
   stop_request_.reset();
   calibration_.end();
+  drop_update();
   cache_.clear();
   session_open_ = false;
   events_.open(false);
@@ -257,6 +269,9 @@ Step Dispatcher::poll() noexcept {
       return {.did_work = false, .wake_at_us = stage_.settled_at_us()};
     }
     settled();
+    return {.did_work = true, .wake_at_us = 0};
+  }
+  if (go_on_with_update()) {
     return {.did_work = true, .wake_at_us = 0};
   }
   return {};
@@ -324,6 +339,7 @@ void Dispatcher::reboot(const Header& request) noexcept {
     answer_stop();
   }
   cancel_waiting();
+  abort_update();
   reply_status(request, StatusCode::kOk);
   reboot_at_us_ = ports_.clock.now_us() + kRebootGraceUs;
 }

@@ -17,6 +17,7 @@
 #include "firmware/core/object_server.h"
 #include "firmware/core/persistent_state.h"
 #include "firmware/core/stage.h"
+#include "firmware/core/update_receiver.h"
 #include "firmware/ports/ports.h"
 #include "protocol/link_decoder.h"
 #include "protocol/session.h"
@@ -81,6 +82,15 @@ class Dispatcher {
   void reboot(const Header& request) noexcept;
   void clock_sync(const Header& request, const protocol::ClockSync& message) noexcept;
 
+  // dispatcher_update.cpp
+  void update(const Frame& frame) noexcept;
+  void answer_update(const Header& request, const UpdateAnswer& answer) noexcept;
+  void promise_update() noexcept;
+  [[nodiscard]] bool go_on_with_update() noexcept;
+  void drop_update() noexcept;
+  void abort_update() noexcept;
+  void tell_crash() noexcept;
+
   void begin_run(const Header& request, const protocol::Start& message) noexcept;
   void wait_for_stage(const Header& request, Waiting waiting) noexcept;
   void cancel_waiting() noexcept;
@@ -120,6 +130,10 @@ class Dispatcher {
   Header waiting_request_;
   protocol::Start waiting_start_;
   std::optional<Header> stop_request_;
+  std::optional<UpdateReceiver> update_;  // Absent without slots or verifier.
+  std::optional<Header> update_request_;  // That has not got its last reply.
+  std::uint64_t update_promised_us_ = 0;
+  bool told_crash_ = false;
   std::uint64_t reboot_at_us_ = 0;  // 0 = no reboot asked for.
 };
 

@@ -53,6 +53,11 @@ void Dispatcher::start(const Header& request, const protocol::Start& message) no
     reply_status(request, StatusCode::kFailedPrecondition, "a run is on: stop it first");
     return;
   }
+  if (update_ && update_->busy()) {
+    reply_status(request, StatusCode::kFailedPrecondition,
+                 "a firmware update is under way: wait for its reply");
+    return;
+  }
   if (!stage_is_free(request)) {
     return;
   }

@@ -31,6 +31,14 @@ class Text {
     }
     return *this;
   }
+  /// 0x and eight digits.
+  Text& hexadecimal(std::uint32_t value) noexcept {
+    *this << "0x";
+    for (int shift = 28; shift >= 0; shift -= 4) {
+      text_.push_back("0123456789ABCDEF"[(value >> shift) & 0xFU]);
+    }
+    return *this;
+  }
   [[nodiscard]] std::string_view str() const noexcept { return text_.str(); }
 
  private:

@@ -1,8 +1,8 @@
 // Takes a firmware image over the wire into the slot that does not run: begin, write by offset, finish,
 // confirm, status. Used by the dispatcher and by the bootloader's rescue mode; knows no session.
 //
-// Everything about an update that must survive a power cut lies in the slot itself (protocol/image_header.h and
-// firmware/image/marks.h); this object only remembers where it is.
+// Everything about an update that must survive a power cut lies in the slot itself (protocol/image_header.h
+// and firmware/image/marks.h); this object only remembers where it is.
 #pragma once
 
 #include <array>
@@ -40,22 +40,29 @@ class UpdateReceiver {
   UpdateReceiver(ImageSlots& slots, Verifier& verifier, std::string_view product) noexcept;
 
   /// Serves any update message; `max_payload` of the session bounds chunk_bytes. A request while another one
-  /// is pending gets UNAVAILABLE. Worst case: kMaxChunk bytes programmed and read back, or one signature check.
+  /// is pending gets UNAVAILABLE. Worst case: kMaxChunk bytes programmed and read back, or one signature
+  /// check.
   [[nodiscard]] UpdateAnswer request(const protocol::Frame& frame, std::uint32_t max_payload) noexcept;
-  /// One bounded piece of a pending request: one unit erased or one piece hashed. The answer, when that was the
-  /// last one.
+  /// One bounded piece of a pending request: one unit read or erased, or one piece hashed. The answer, when
+  /// that was the last one.
   [[nodiscard]] std::optional<UpdateAnswer> poll() noexcept;
   /// Something is pending.
   [[nodiscard]] bool busy() const noexcept { return job_ != Job::kNone; }
   /// The host is gone: what is pending stops where it is; the same UpdateBegin resumes.
-  void cancel() noexcept { job_ = Job::kNone; }
+  void cancel() noexcept {
+    if (busy() && job_ != Job::kInspect) {
+      target_ = ImageSlots::kCount;
+    }
+    job_ = Job::kNone;
+  }
 
   /// For UpdateStatus, after an answer with_state.
   [[nodiscard]] const protocol::UpdateState& state() const noexcept { return state_; }
 
  private:
-  enum class Job : std::uint8_t { kNone, kErase, kFinish, kInspect };
+  enum class Job : std::uint8_t { kNone, kFindEnd, kErase, kFinish, kInspect };
   using Answer = UpdateAnswer;
+  static constexpr std::uint32_t kReadBytes = 512;
 
   [[nodiscard]] Answer begin(const protocol::UpdateBegin& message) noexcept;
   [[nodiscard]] Answer write(const protocol::UpdateWrite& message) noexcept;
@@ -67,14 +74,15 @@ class UpdateReceiver {
                                const SlotIdentity& slot) const noexcept;
   void look() noexcept;
   [[nodiscard]] std::uint8_t other() const noexcept;
-  [[nodiscard]] Answer start_erase(std::uint8_t target, bool resumes) noexcept;
+  void find_end_step() noexcept;
+  void start_erase(std::uint32_t first_unit, std::uint32_t end_unit) noexcept;
   [[nodiscard]] std::optional<Answer> erase_step() noexcept;
   [[nodiscard]] std::optional<Answer> write_header() noexcept;
   [[nodiscard]] std::optional<Answer> finish_step() noexcept;
   [[nodiscard]] std::optional<Answer> inspect_step() noexcept;
-  [[nodiscard]] bool resume_point(Flash& flash, const SlotLayout& layout, std::uint32_t& unit) noexcept;
   [[nodiscard]] bool unit_erased(Flash& flash, std::uint32_t unit, std::uint32_t unit_bytes) noexcept;
-  [[nodiscard]] bool same_bytes(Flash& flash, std::uint32_t offset, std::span<const std::byte> bytes) noexcept;
+  [[nodiscard]] bool same_bytes(Flash& flash, std::uint32_t offset,
+                                std::span<const std::byte> bytes) noexcept;
   void fill_state(std::uint32_t max_payload) noexcept;
 
   ImageSlots& slots_;
@@ -82,20 +90,20 @@ class UpdateReceiver {
   std::string_view product_;
 
   std::array<SlotView, ImageSlots::kCount> views_{};
-  bool looked_ = false;                                   // views_ are up to date.
-  std::array<bool, ImageSlots::kCount> body_checked_{};   // The verdict includes the body's hash.
+  bool looked_ = false;                                  // views_ are up to date.
+  std::array<bool, ImageSlots::kCount> body_checked_{};  // The verdict includes the body's hash.
 
   Job job_ = Job::kNone;
   std::uint8_t target_ = ImageSlots::kCount;  // Slot that receives; kCount: none.
   std::array<std::byte, protocol::kImageHeaderBytes> header_{};
   std::uint32_t body_bytes_ = 0;
   std::uint32_t received_ = 0;   // Of the body, from its start.
-  std::uint32_t next_unit_ = 0;  // kErase: counts down to keep_units_.
+  std::uint32_t next_unit_ = 0;  // kFindEnd, kErase: counts down, to keep_units_ when erasing.
   std::uint32_t keep_units_ = 0;
   bool marks_erased_ = false;
   std::uint32_t max_payload_ = protocol::kMaxPayload;
   BodyCheck body_;
-  std::array<std::byte, 512> buffer_{};
+  std::array<std::byte, kReadBytes> buffer_{};
   protocol::UpdateState state_;
 };
 

@@ -1,7 +1,8 @@
 // The Verifier port on libsodium.
 //
 // Functions of libsodium that are called: crypto_sign_ed25519_verify_detached, crypto_hash_sha512_init,
-// crypto_hash_sha512_update, crypto_hash_sha512_final. None of them needs sodium_init, a heap or random numbers.
+// crypto_hash_sha512_update, crypto_hash_sha512_final. None of them needs sodium_init, a heap or random
+// numbers.
 #pragma once
 
 #include <array>

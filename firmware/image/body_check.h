@@ -21,12 +21,14 @@ class BodyCheck {
   [[nodiscard]] Result run() noexcept;
 
  private:
+  static constexpr std::uint32_t kReadBytes = 512;
+
   Flash* slot_ = nullptr;
   Verifier* verifier_ = nullptr;
   std::uint32_t offset_ = 0;  // In the body.
   std::uint32_t bytes_ = 0;
   protocol::Sha512 expected_{};
-  std::array<std::byte, 512> buffer_{};
+  std::array<std::byte, kReadBytes> buffer_{};
 };
 
 }  // namespace scatter::firmware

@@ -9,8 +9,8 @@
 //           12    4 CRC-32C of bytes 0..11
 // All little endian. Each mark takes a whole place (SlotLayout::place_bytes, the rest erased) and is written
 // twice, read back, and tried again in the next place when it did not take. A power cut can leave cells that
-// read differently next time; so whoever finds a mark with only one good copy writes the second before it acts
-// on it, and a decision against an image is marked, too (reverted), before it is acted on.
+// read differently next time; so whoever finds a mark with only one good copy writes the second before it
+// acts on it, and a decision against an image is marked, too (reverted), before it is acted on.
 #pragma once
 
 #include <cstdint>

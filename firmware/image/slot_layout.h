@@ -20,8 +20,8 @@ struct SlotLayout {
   std::uint32_t body_capacity = 0;  ///< Largest body [B].
   std::uint32_t marks_offset = 0;   ///< Start of the last erase unit.
   std::uint32_t place_bytes = 0;    ///< One place for a mark: whole program granules.
-  /// False: no firmware slot can be kept on flash of this geometry (erase units of 4096 B and more, at least two;
-  /// granules of 1 to 64 B, a power of two).
+  /// False: no firmware slot can be kept on flash of this geometry (erase units of 4096 B and more, at least
+  /// two; granules of 1 to 64 B, a power of two).
   bool usable = false;
 };
 
