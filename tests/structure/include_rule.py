@@ -32,7 +32,7 @@ ARROWS = {
     "host_sdk/images": ["host_sdk/error"],
     "host_sdk/formats": ["host_sdk/reflectance/models", "host_sdk/images"],
     "host_sdk/firmware_files": ["host_sdk/error", "protocol"],
-    "host_sdk/device": ["host_sdk/error", "protocol"],
+    "host_sdk/device": ["host_sdk/error", "protocol", "host_sdk/firmware_files"],
     "host_sdk/measurement": ["host_sdk/device", "host_sdk/reflectance", "host_sdk/simd"],
     "host_sdk/c_api": ["host_sdk/measurement", "host_sdk/formats", "host_sdk/reflectance/estimators"],
     "host_sdk/python": ["host_sdk/c_api"],
@@ -43,7 +43,7 @@ ARROWS = {
     "simulator/faults": ["simulator/random", "host_sdk/error", "firmware/ports"],
     "simulator/instrument": ["simulator/bench", "simulator/faults", "firmware/core", "firmware/boot",
                              "firmware/crypto"],
-    "simulator/emulator": ["simulator/instrument", "firmware/backplane"],
+    "simulator/emulator": ["simulator/instrument", "firmware/backplane", "host_sdk/firmware_files"],
     # Tools and the documents' examples stand on everything; "*" is every row above. A tool includes another only
     # where its row says so.
     "tools/plot": ["*"],
