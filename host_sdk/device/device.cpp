@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "host_sdk/device/recording_writer.h"
+#include "host_sdk/device/request_series.h"
 #include "host_sdk/device/session.h"
 #include "host_sdk/device/stream_state.h"
 #include "protocol/crc.h"
@@ -168,6 +169,12 @@ Result<Device> Device::open(std::unique_ptr<Transport> transport, const OpenOpti
   }
   impl->session = std::move(*session);
   impl->hello = impl->session->hello();
+  if ((impl->hello.capabilities & protocol::kCapabilityRescue) != 0) {
+    // The bootloader has no descriptor to give; what HELLO says is enough to put a firmware on the device.
+    impl->descriptor.product = impl->hello.product;
+    impl->descriptor.serial = impl->hello.serial;
+    return Device(std::move(impl));
+  }
   const Result<std::vector<std::byte>> bytes =
       impl->fetch(protocol::ObjectId::kDescriptor, rest_of(options.wait, deadline, impl->session->now()));
   if (!bytes) {
@@ -401,6 +408,56 @@ Result<SelfTestReport> Device::self_test(std::uint16_t frames, const Wait& wait)
 Status Device::reboot(const Wait& wait) {
   return impl_->tell(protocol::Reboot{}, wait);
 }
+
+Result<protocol::UpdateState> Device::update_status(const Wait& wait) {
+  return impl_->ask<protocol::UpdateState>(protocol::UpdateStatus{}, wait);
+}
+
+Status Device::update_begin(const std::array<std::uint8_t, protocol::kImageHeaderBytes>& header,
+                            const Wait& wait) {
+  return impl_->tell(protocol::UpdateBegin{.header = header}, wait);
+}
+
+Status Device::update_write(std::uint32_t offset, std::span<const std::byte> bytes, const UpdatePieces& how,
+                            const Wait& wait) {
+  const std::size_t room = std::min<std::size_t>(impl_->hello.max_payload, protocol::kMaxPayload);
+  if (how.piece_bytes == 0 || how.piece_bytes + protocol::min_encoded_size<protocol::UpdateWrite>() > room) {
+    return fail(ErrorCode::kInvalidArgument,
+                "update_write: pieces of " + std::to_string(how.piece_bytes) +
+                    " bytes do not fit into payloads of " + std::to_string(room),
+                "take the size that the device names");
+  }
+  // Pieces are answered in any order, but they all have the same size except the last one.
+  std::size_t answered = 0;
+  RequestSeries series(*impl_->session, how.depth, wait, [&] {
+    answered = std::min<std::size_t>(answered + how.piece_bytes, bytes.size());
+    if (how.progress) {
+      how.progress(static_cast<std::uint32_t>(answered));
+    }
+  });
+  for (std::size_t at = 0; at < bytes.size(); at += how.piece_bytes) {
+    const protocol::UpdateWrite piece{
+        .offset = offset + static_cast<std::uint32_t>(at),
+        .data = bytes.subspan(at, std::min<std::size_t>(how.piece_bytes, bytes.size() - at))};
+    if (const Status sent = series.push(piece); !sent) {
+      return sent;
+    }
+  }
+  return series.finish();
+}
+
+Status Device::update_finish(const Wait& wait) {
+  return impl_->tell(protocol::UpdateFinish{}, wait);
+}
+
+Status Device::update_confirm(const Wait& wait) {
+  return impl_->tell(protocol::UpdateConfirm{}, wait);
+}
+
+Result<protocol::FaultRecord> Device::fault_record(const Wait& wait) {
+  return impl_->ask<protocol::FaultRecord>(protocol::FaultRecordRead{}, wait);
+}
+
 std::vector<DeviceEvent> Device::take_events() {
   return impl_->session->take_events();
 }

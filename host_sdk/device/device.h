@@ -1,10 +1,13 @@
 // An open instrument.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,6 +43,13 @@ struct StartOptions {
   std::uint32_t credit_window = 8;      ///< Frames the device may be ahead, 1..64.
 };
 
+/// How update_write() sends.
+struct UpdatePieces {
+  std::uint32_t piece_bytes = 0;                             ///< UpdateState::chunk_bytes.
+  std::size_t depth = 4;                                     ///< Pieces under way at once, 1..4.
+  std::function<void(std::uint32_t written)> progress = {};  ///< Bytes of this call that the device has.
+};
+
 /// Relation of the device's clock to the transport's Unix time at one moment.
 struct ClockReading {
   std::uint64_t host_unix_us = 0;  ///< Middle of the exchange.
@@ -72,7 +82,8 @@ struct DeviceEvent {
 /// End      the destructor aborts a run that is on (within 1 s) and closes the carrier.
 class Device {
  public:
-  /// Errors  as TransportRegistry::open; kBusy: another host holds it (the message names it);
+  /// A device in rescue mode (HelloReply::capabilities) opens, too; its descriptor holds product and serial
+  /// only. Errors  as TransportRegistry::open; kBusy: another host holds it (the message names it);
   ///         kVersionMismatch: no common wire version (the message says which side is older);
   ///         kDataLoss: the descriptor's checksum is wrong.
   [[nodiscard]] static Result<Device> open(std::string_view uri, const OpenOptions& options = {});
@@ -130,6 +141,26 @@ class Device {
   [[nodiscard]] Result<SelfTestReport> self_test(std::uint16_t frames = 4, const Wait& wait = {});
   /// The device answers, then restarts; open it again afterwards.
   [[nodiscard]] Status reboot(const Wait& wait = {});
+
+  /// What both firmware slots hold, and how far an update is. See updater.h for a whole update.
+  /// Errors  of this and the update calls: kUnimplemented: this device takes no updates over the wire.
+  [[nodiscard]] Result<protocol::UpdateState> update_status(const Wait& wait = {});
+  /// Announces an image by its signed header. The device checks it before it erases anything, which may take
+  /// many seconds; the same header again resumes.
+  /// Errors  kPermissionDenied: signature or security counter; kInvalidArgument: product, slot, address,
+  /// size.
+  [[nodiscard]] Status update_begin(const std::array<std::uint8_t, protocol::kImageHeaderBytes>& header,
+                                    const Wait& wait = {.timeout = std::chrono::seconds(60)});
+  /// Sends a part of the image's body that begins at `offset`. `wait.timeout` is for each piece.
+  [[nodiscard]] Status update_write(std::uint32_t offset, std::span<const std::byte> bytes,
+                                    const UpdatePieces& how, const Wait& wait = {});
+  /// The body is complete: the device verifies it and will try it at the next start.
+  /// Errors  kDataLoss: the body is not the announced one.
+  [[nodiscard]] Status update_finish(const Wait& wait = {.timeout = std::chrono::seconds(60)});
+  /// Keeps the running image. Errors  kFailedPrecondition: it is not on trial.
+  [[nodiscard]] Status update_confirm(const Wait& wait = {});
+  /// Snapshot of the last crash; present == 0: none since power-on.
+  [[nodiscard]] Result<protocol::FaultRecord> fault_record(const Wait& wait = {});
 
   /// Log and fault events since the last call, oldest first; at most the newest 256 are kept.
   [[nodiscard]] std::vector<DeviceEvent> take_events();

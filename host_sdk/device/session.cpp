@@ -148,6 +148,21 @@ protocol::FrameHeader Session::next_header(protocol::Channel channel, std::uint1
   return header;
 }
 
+std::uint16_t Session::next_correlation() noexcept {
+  if (++last_correlation_ == 0) {
+    last_correlation_ = 1;
+  }
+  return last_correlation_;
+}
+
+Status Session::send_request(MessageId id, std::uint16_t correlation, std::span<const std::byte> payload,
+                             TimePoint deadline, const std::stop_token& stop) {
+  protocol::FrameHeader header = next_header(protocol::Channel::kControl, correlation);
+  header.message = static_cast<std::uint16_t>(id);
+  const std::size_t size = protocol::write_frame(send_, header, payload);
+  return transport_->write(std::span<const std::byte>(send_).first(size), deadline, stop);
+}
+
 std::unexpected<Error> Session::malformed(std::string_view request) {
   return fail(ErrorCode::kDataLoss, std::string(request) + ": the device's reply cannot be read",
               "update the device's firmware or the host's software");
@@ -159,10 +174,7 @@ Status Session::exchange(MessageId id, std::string_view name, std::size_t payloa
     return fail(ErrorCode::kDisconnected, std::string(name) + ": the session is closed",
                 "open the device again");
   }
-  if (++last_correlation_ == 0) {
-    last_correlation_ = 1;
-  }
-  waiting_for_ = last_correlation_;
+  waiting_for_ = next_correlation();
   expected_id_ = expected;
   replied_ = false;
   const auto give_up = [this](Error error) -> Status {
@@ -174,10 +186,7 @@ Status Session::exchange(MessageId id, std::string_view name, std::size_t payloa
   TimePoint next_send = now();
   for (;;) {
     if (now() >= next_send) {
-      protocol::FrameHeader header = next_header(protocol::Channel::kControl, waiting_for_);
-      header.message = static_cast<std::uint16_t>(id);
-      const std::size_t size = protocol::write_frame(send_, header, payload);
-      const Status sent = transport_->write(std::span<const std::byte>(send_).first(size), deadline, stop);
+      const Status sent = send_request(id, waiting_for_, payload, deadline, stop);
       // A device in use answers BUSY and closes at once: its answer may lie here, so read all the same.
       if (!sent && !(saying_hello_ && sent.error().code == ErrorCode::kDisconnected)) {
         return give_up(sent.error());
@@ -292,6 +301,9 @@ void Session::on_frame(const protocol::Frame& frame) {
 
 void Session::on_control(const protocol::Frame& frame) {
   const protocol::FrameHeader& header = frame.header();
+  if (reply_sink_ != nullptr && reply_sink_->on_reply(frame)) {
+    return;
+  }
   const bool refused_unasked = saying_hello_ && header.correlation == 0;
   if (waiting_for_ == 0 || replied_ || (header.correlation != waiting_for_ && !refused_unasked)) {
     ++stale_;  // A repeated or late reply.

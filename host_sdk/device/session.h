@@ -31,6 +31,16 @@ class WireSink {
   ~WireSink() = default;
 };
 
+/// Gets replies to requests that it sent itself.
+class ReplySink {
+ public:
+  /// True when the reply was for it.
+  virtual bool on_reply(const protocol::Frame& frame) = 0;
+
+ protected:
+  ~ReplySink() = default;
+};
+
 /// Error for a status that the device gave: its code, its text, the code's remedy.
 [[nodiscard]] Error device_error(std::string_view request, const protocol::StatusReply& reply);
 
@@ -94,6 +104,15 @@ class Session {
   void set_sink(WireSink* sink) noexcept { sink_ = sink; }
   [[nodiscard]] WireSink* sink() const noexcept { return sink_; }
 
+  /// Who may have requests under way beside the one that request() waits for; null takes it away.
+  void set_reply_sink(ReplySink* sink) noexcept { reply_sink_ = sink; }
+  /// The correlation id for a new request.
+  [[nodiscard]] std::uint16_t next_correlation() noexcept;
+  /// Sends a request, or sends it again with the same correlation id; does not wait for the reply.
+  [[nodiscard]] Status send_request(protocol::MessageId id, std::uint16_t correlation,
+                                    std::span<const std::byte> payload, TimePoint deadline,
+                                    const std::stop_token& stop);
+
   /// Run id of the last run that this session knows of; stale stream frames are not after it.
   std::optional<std::uint32_t> last_run;
 
@@ -127,6 +146,7 @@ class Session {
   bool closed_ = false;
   protocol::HelloReply hello_;
   WireSink* sink_ = nullptr;
+  ReplySink* reply_sink_ = nullptr;
 
   std::vector<std::byte> receive_;
   std::vector<std::byte> decoder_buffer_;
