@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "simulator/faults/fault_random.h"
+#include "simulator/instrument/tmp105.h"
 
 namespace scatter::simulator {
 
@@ -106,10 +107,10 @@ std::uint32_t Camera::reading_uv() noexcept {
 }
 
 std::int32_t Camera::sensor_mK() noexcept {
-  return bench_.temperatures(scheduled_us_).sensor_mK;
+  return tmp105_reading_mK(bench_.temperatures(scheduled_us_).sensor_mK);
 }
 std::int32_t Camera::led_board_mK() noexcept {
-  return bench_.temperatures(scheduled_us_).led_board_mK;
+  return tmp105_reading_mK(bench_.temperatures(scheduled_us_).led_board_mK);
 }
 
 bool Camera::move_to(Target target) noexcept {

@@ -14,11 +14,18 @@ namespace scatter::simulator {
 namespace {
 
 constexpr std::byte kErased{0xFF};
-constexpr std::size_t kBytes =
-    std::size_t{FlashImage::kGeometry.unit_bytes} * std::size_t{FlashImage::kGeometry.units};
 
-bool inside(std::uint32_t offset, std::size_t length) noexcept {
-  return offset <= kBytes && length <= kBytes - offset;
+constexpr std::size_t bytes_of(const firmware::Flash::Geometry& geometry) noexcept {
+  return std::size_t{geometry.unit_bytes} * geometry.units;
+}
+
+constexpr std::size_t kOldBytes = bytes_of(FlashImage::kGeometry);
+constexpr std::size_t kSlotBytes = bytes_of(FlashImage::kSlotGeometry);
+constexpr std::size_t kBytes = kOldBytes + 2 * kSlotBytes;
+
+bool inside(const firmware::Flash::Geometry& geometry, std::uint32_t offset, std::size_t length) noexcept {
+  const std::size_t size = bytes_of(geometry);
+  return offset <= size && length <= size - offset;
 }
 
 }  // namespace
@@ -53,12 +60,14 @@ Result<std::unique_ptr<FlashImage>> FlashImage::open(const std::filesystem::path
     }
     return image;
   }
-  if (size != kBytes) {
+  if (size != kBytes && size != kOldBytes) {
     return fail(ErrorCode::kDataLoss,
-                fmt::format("flash image {} has {} bytes, expected {}", file.string(), size, kBytes),
+                fmt::format("flash image {} has {} bytes, expected {} (or {} of an older simulator)",
+                            file.string(), size, kBytes, kOldBytes),
                 "name a flash image of this simulator, or a new file");
   }
-  if (::pread(image->file_, image->cells_.data(), kBytes, 0) != static_cast<ssize_t>(kBytes)) {
+  if (::pread(image->file_, image->cells_.data(), size, 0) != static_cast<ssize_t>(size) ||
+      (size < kBytes && !image->store(size, kBytes - size))) {
     return fail(ErrorCode::kDataLoss, fmt::format("flash image {}: {}", file.string(), std::strerror(errno)),
                 "choose another file");
   }
@@ -70,36 +79,57 @@ bool FlashImage::store(std::size_t offset, std::size_t length) noexcept {
                           static_cast<ssize_t>(length);
 }
 
+FlashImage::Region FlashImage::slot_region(std::uint8_t index) noexcept {
+  return {.base = kOldBytes + index * kSlotBytes, .geometry = kSlotGeometry};
+}
+
+bool FlashImage::slots_are_blank() const noexcept {
+  return std::all_of(cells_.begin() + kOldBytes, cells_.end(),
+                     [](std::byte cell) { return cell == kErased; });
+}
+
 bool FlashImage::read(std::uint32_t offset, std::span<std::byte> out) noexcept {
-  if (!inside(offset, out.size())) {
+  return read_in({.base = 0, .geometry = kGeometry}, offset, out);
+}
+bool FlashImage::program(std::uint32_t offset, std::span<const std::byte> bytes) noexcept {
+  return program_in({.base = 0, .geometry = kGeometry}, offset, bytes);
+}
+bool FlashImage::erase(std::uint32_t unit) noexcept {
+  return erase_in({.base = 0, .geometry = kGeometry}, unit);
+}
+
+bool FlashImage::read_in(const Region& region, std::uint32_t offset, std::span<std::byte> out) noexcept {
+  if (!inside(region.geometry, offset, out.size())) {
     ++violations_;
     return false;
   }
-  std::copy_n(cells_.begin() + offset, out.size(), out.begin());
+  std::copy_n(cells_.begin() + static_cast<std::ptrdiff_t>(region.base + offset), out.size(), out.begin());
   return true;
 }
 
-bool FlashImage::program(std::uint32_t offset, std::span<const std::byte> bytes) noexcept {
-  const bool aligned = offset % kGeometry.program_bytes == 0 && bytes.size() % kGeometry.program_bytes == 0;
-  if (!inside(offset, bytes.size()) || !aligned ||
-      !std::all_of(cells_.begin() + offset,
-                   cells_.begin() + offset + static_cast<std::ptrdiff_t>(bytes.size()),
-                   [](std::byte cell) { return cell == kErased; })) {
+bool FlashImage::program_in(const Region& region, std::uint32_t offset,
+                            std::span<const std::byte> bytes) noexcept {
+  const std::uint32_t granule = region.geometry.program_bytes;
+  const bool aligned = offset % granule == 0 && bytes.size() % granule == 0;
+  const std::size_t place = region.base + offset;
+  if (!inside(region.geometry, offset, bytes.size()) || !aligned ||
+      !std::ranges::all_of(std::span(cells_).subspan(place, bytes.size()),
+                           [](std::byte cell) { return cell == kErased; })) {
     ++violations_;
     return false;
   }
-  std::ranges::copy(bytes, cells_.begin() + offset);
-  return store(offset, bytes.size());
+  std::ranges::copy(bytes, cells_.begin() + static_cast<std::ptrdiff_t>(place));
+  return store(place, bytes.size());
 }
 
-bool FlashImage::erase(std::uint32_t unit) noexcept {
-  if (unit >= kGeometry.units) {
+bool FlashImage::erase_in(const Region& region, std::uint32_t unit) noexcept {
+  if (unit >= region.geometry.units) {
     ++violations_;
     return false;
   }
-  const std::size_t offset = std::size_t{unit} * kGeometry.unit_bytes;
-  std::fill_n(cells_.begin() + static_cast<std::ptrdiff_t>(offset), kGeometry.unit_bytes, kErased);
-  return store(offset, kGeometry.unit_bytes);
+  const std::size_t offset = region.base + std::size_t{unit} * region.geometry.unit_bytes;
+  std::fill_n(cells_.begin() + static_cast<std::ptrdiff_t>(offset), region.geometry.unit_bytes, kErased);
+  return store(offset, region.geometry.unit_bytes);
 }
 
 }  // namespace scatter::simulator

@@ -52,7 +52,8 @@ VirtualBoard::VirtualBoard(const InstrumentOptions& options, std::unique_ptr<Ben
       link_(clock_, plan_, options.seed),
       camera_(clock_, *bench_, plan_, options.seed),
       watchdog_(clock_),
-      factory_(*bench_) {
+      factory_(*bench_),
+      slots_(*flash_, factory_.data.product.str()) {
   factory_.data.serial = std::string_view(fmt::format("SIM-{:08x}", options.seed & 0xFFFF'FFFFU));
   if (options.calibration == CalibrationHeld::kNone) {
     factory_.data.reference_stage = 0;
@@ -74,7 +75,21 @@ firmware::Ports VirtualBoard::ports() noexcept {
           .flash = *flash_,
           .factory = factory_,
           .reference_stage = factory_.data.reference_stage != 0 ? &camera_ : nullptr,
-          .verifier = nullptr};
+          .image_slots = &slots_,
+          .verifier = &slots_.verifier(),
+          .build_id = slots_.build_id()};
+}
+
+firmware::RescuePorts VirtualBoard::rescue_ports() noexcept {
+  return {.clock = clock_,
+          .link = link_,
+          .watchdog = watchdog_,
+          .reset = reset_,
+          .slots = slots_,
+          .verifier = slots_.verifier(),
+          .product = factory_.data.product.str(),
+          .serial = factory_.data.serial.str(),
+          .build_id = slots_.build_id()};
 }
 
 std::optional<protocol::ResetReason> VirtualBoard::restart_wanted() noexcept {
@@ -100,6 +115,7 @@ void VirtualBoard::restart(protocol::ResetReason reason) noexcept {
   watchdog_.kick();
   reset_.wanted = false;
   reset_.why = reason;
+  slots_.boot(reason);
 }
 
 }  // namespace scatter::simulator

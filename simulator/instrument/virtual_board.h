@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "firmware/boot/rescue.h"
 #include "firmware/ports/ports.h"
 #include "host_sdk/error/error.h"
 #include "simulator/bench/bench.h"
@@ -13,6 +14,7 @@
 #include "simulator/instrument/instrument_options.h"
 #include "simulator/instrument/virtual_clock.h"
 #include "simulator/instrument/virtual_link.h"
+#include "simulator/instrument/virtual_slots.h"
 
 namespace scatter::simulator {
 
@@ -27,18 +29,22 @@ class VirtualBoard {
   VirtualBoard(const VirtualBoard&) = delete;
   VirtualBoard& operator=(const VirtualBoard&) = delete;
 
+  /// Of the firmware that runs since the last boot; ask again after restart().
   [[nodiscard]] firmware::Ports ports() noexcept;
+  /// Of the bootloader, for when slots().decision() is rescue mode.
+  [[nodiscard]] firmware::RescuePorts rescue_ports() noexcept;
   [[nodiscard]] Bench& bench() noexcept { return *bench_; }
   [[nodiscard]] VirtualClock& clock() noexcept { return clock_; }
   [[nodiscard]] VirtualLink& link() noexcept { return link_; }
   [[nodiscard]] Camera& camera() noexcept { return camera_; }
   [[nodiscard]] FlashImage& flash() noexcept { return *flash_; }
+  [[nodiscard]] VirtualSlots& slots() noexcept { return slots_; }
   [[nodiscard]] const protocol::Descriptor& descriptor() const noexcept { return factory_.data; }
 
   /// Set when something asks for a restart: the firmware, the watchdog, or the fault plan.
   [[nodiscard]] std::optional<protocol::ResetReason> restart_wanted() noexcept;
-  /// What a reset does to the hardware: the link drops, LEDs go off, the clock starts at 0. Flash,
-  /// temperatures and drift stay.
+  /// What a reset does to the hardware: the link drops, LEDs go off, the clock starts at 0, the bootloader
+  /// chooses an image. Flash, temperatures and drift stay.
   void restart(protocol::ResetReason reason) noexcept;
 
  private:
@@ -56,6 +62,7 @@ class VirtualBoard {
   };
   struct VirtualFactory final : firmware::Factory {
     explicit VirtualFactory(Bench& its_bench) : bench(its_bench), data(its_bench.descriptor()) {}
+
     [[nodiscard]] const protocol::Descriptor& descriptor() noexcept override { return data; }
     [[nodiscard]] std::span<const std::byte> object(protocol::ObjectId id) noexcept override {
       return bench.object(id);
@@ -76,6 +83,7 @@ class VirtualBoard {
   VirtualWatchdog watchdog_;
   VirtualReset reset_;
   VirtualFactory factory_;
+  VirtualSlots slots_;
 };
 
 }  // namespace scatter::simulator

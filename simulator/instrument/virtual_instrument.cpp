@@ -5,6 +5,7 @@
 #include <thread>
 #include <utility>
 
+#include "firmware/boot/rescue.h"
 #include "firmware/core/instrument.h"
 #include "simulator/instrument/past_calibration.h"
 #include "simulator/instrument/virtual_board.h"
@@ -34,10 +35,9 @@ Result<std::unique_ptr<VirtualInstrument>> VirtualInstrument::make(const Instrum
   return instrument;
 }
 
-VirtualInstrument::VirtualInstrument(std::unique_ptr<VirtualBoard> board)
-    : board_(std::move(board)),
-      ports_(std::make_unique<firmware::Ports>(board_->ports())),
-      core_(std::make_unique<firmware::Instrument>(*ports_)) {}
+VirtualInstrument::VirtualInstrument(std::unique_ptr<VirtualBoard> board) : board_(std::move(board)) {
+  start_firmware();
+}
 
 VirtualInstrument::~VirtualInstrument() = default;
 
@@ -114,14 +114,25 @@ ClockMode VirtualInstrument::clock_mode() const noexcept {
 void VirtualInstrument::restart_if_wanted() {
   if (const auto reason = board_->restart_wanted()) {
     board_->restart(*reason);
+    start_firmware();
+  }
+}
+
+void VirtualInstrument::start_firmware() {
+  core_.reset();
+  rescue_.reset();
+  ports_ = std::make_unique<firmware::Ports>(board_->ports());
+  if (board_->slots().decision().action == firmware::BootDecision::Action::kRun) {
     core_ = std::make_unique<firmware::Instrument>(*ports_);
+  } else {
+    rescue_ = std::make_unique<firmware::Rescue>(board_->rescue_ports());
   }
 }
 
 std::uint64_t VirtualInstrument::run_ready() {
   for (int polls = 0; polls < kMostPollsAtOnce; ++polls) {
     board_->link().tick();
-    const firmware::Step step = core_->poll();
+    const firmware::Step step = core_ ? core_->poll() : rescue_->poll();
     const bool was_attached = attached();
     restart_if_wanted();
     if (step.did_work && was_attached == attached()) {

@@ -11,6 +11,7 @@
 
 namespace scatter::firmware {
 class Instrument;
+class Rescue;
 struct Ports;
 }  // namespace scatter::firmware
 
@@ -77,6 +78,7 @@ class VirtualInstrument {
 
  private:
   explicit VirtualInstrument(std::unique_ptr<VirtualBoard> board);
+  void start_firmware();
   void restart_if_wanted();
   void age_calibration();
 
@@ -85,6 +87,7 @@ class VirtualInstrument {
   std::unique_ptr<VirtualBoard> board_;
   std::unique_ptr<firmware::Ports> ports_;
   std::unique_ptr<firmware::Instrument> core_;
+  std::unique_ptr<firmware::Rescue> rescue_;  ///< Instead of core_ when no image could be started.
 };
 
 }  // namespace scatter::simulator
