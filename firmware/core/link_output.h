@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 
 #include "firmware/ports/ports.h"
 #include "protocol/frame.h"
@@ -43,12 +44,15 @@ class LinkOutput {
     header.channel = channel;
     header.session = session;
     header.correlation = correlation;
-    header.sequence = sequence_[static_cast<std::size_t>(channel)];
+    std::uint32_t& next = sequence_[static_cast<std::size_t>(channel)];
+    // The bytes of this refusal never change, whatever was said before it (SPEC 6.4).
+    const bool numbered = !refuses_wire_version(message);
+    header.sequence = numbered ? next : 0;
     const std::size_t size = protocol::write_message(scratch_, header, message);
     if (size == 0 || !queue({scratch_.data(), size})) {
       return {};
     }
-    ++sequence_[static_cast<std::size_t>(channel)];
+    next += numbered ? 1 : 0;
     return {scratch_.data(), size};
   }
   /// Queues a whole frame again (a repeated reply). False = no room.
@@ -75,6 +79,15 @@ class LinkOutput {
   static constexpr std::size_t kEventReserve = 1024;
   enum class Writing : std::uint8_t { kNothing, kControl, kStream };
 
+  template <protocol::Message M>
+  [[nodiscard]] static constexpr bool refuses_wire_version(const M& message) noexcept {
+    if constexpr (std::is_same_v<M, protocol::StatusReply>) {
+      return message.status == protocol::StatusCode::kVersionMismatch &&
+             message.request == static_cast<std::uint16_t>(protocol::MessageId::kHello);
+    } else {
+      return false;
+    }
+  }
   void push(std::span<const std::byte> bytes) noexcept;
   [[nodiscard]] std::size_t peek_length() const noexcept;
   std::size_t write_control() noexcept;
