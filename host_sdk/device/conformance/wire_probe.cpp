@@ -14,8 +14,10 @@ using std::chrono::milliseconds;
 
 namespace {
 constexpr std::size_t kReceiveBytes = 64UL * 1024;
-constexpr milliseconds kRepeatAfter{500};
-constexpr milliseconds kAnswerWithin{5000};
+// As device::Session: a device must cope with exactly this.
+constexpr milliseconds kFirstRepeat{250};
+constexpr milliseconds kLongestRepeat{2000};
+constexpr milliseconds kAnswerWithin{8000};
 constexpr milliseconds kLongestCollection{5000};
 // A frame whose rest has not come for this long is damaged (SPEC 2.5).
 constexpr milliseconds kFramePatience{200};
@@ -145,18 +147,20 @@ Result<Received> WireProbe::reply_to(std::uint16_t correlation, milliseconds lim
 
 Result<Received> WireProbe::exchange(const Bytes& frame, std::uint16_t correlation) {
   const device::TimePoint deadline = now() + kAnswerWithin;
+  milliseconds spacing = kFirstRepeat;
   for (;;) {
     const Status sent = write(frame);
     // A device in use answers BUSY and closes at once: its answer may lie here.
     if (!sent && sent.error().code != ErrorCode::kDisconnected) {
       return std::unexpected(sent.error());
     }
-    auto reply = reply_to(correlation, kRepeatAfter);
+    auto reply = reply_to(correlation, spacing);
+    spacing = std::min(2 * spacing, kLongestRepeat);
     if (reply || reply.error().code != ErrorCode::kDeadlineExceeded) {
       return reply;
     }
     if (now() >= deadline) {
-      return fail(ErrorCode::kDeadlineExceeded, "a request was not answered within 5 s",
+      return fail(ErrorCode::kDeadlineExceeded, "a request was not answered within 8 s",
                   "look at the device's link");
     }
   }

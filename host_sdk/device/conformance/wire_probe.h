@@ -73,7 +73,8 @@ class WireProbe {
   [[nodiscard]] Result<Received> reply_to(std::uint16_t correlation,
                                           std::chrono::milliseconds limit = std::chrono::seconds(5));
 
-  /// A request and its reply. Sent again every 500 ms while nothing comes, as hosts do.
+  /// A request and its reply. Sent again after 250 ms, then twice as long each time up to 2 s, as hosts
+  /// do; given up after 8 s.
   /// Errors  the status that the device gave; kDataLoss: the reply is another message.
   template <protocol::Message Reply, protocol::Message Request>
   [[nodiscard]] Result<Reply> ask(const Request& request) {
