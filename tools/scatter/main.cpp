@@ -72,7 +72,7 @@ int run(int argc, char** argv) {
   std::vector<Verb> verbs;
   for (const auto add :
        {add_list, add_info, add_calibrate, add_measure, add_record, add_process, add_inspect, add_convert,
-        add_merge, add_atlas, add_compare, add_fit, add_plot, add_corrode, add_patinate, add_simulate}) {
+        add_merge, add_atlas, add_compare, add_fit, add_plot, add_corrode, add_patinate, add_simulate, add_flash, add_firmware}) {
     verbs.push_back(add(root));
   }
   bool json = false;

@@ -53,5 +53,7 @@ struct Verb {
 [[nodiscard]] Verb add_patinate(CLI::App& root);
 [[nodiscard]] Verb add_plot(CLI::App& root);
 [[nodiscard]] Verb add_simulate(CLI::App& root);
+[[nodiscard]] Verb add_flash(CLI::App& root);
+[[nodiscard]] Verb add_firmware(CLI::App& root);
 
 }  // namespace scatter::cli

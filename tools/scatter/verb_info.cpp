@@ -5,9 +5,11 @@
 #include <cmath>
 #include <memory>
 
+#include "host_sdk/device/update_check.h"
 #include "host_sdk/reflectance/direction.h"
 #include "tools/scatter/device_access.h"
 #include "tools/scatter/file_description.h"
+#include "tools/scatter/firmware_description.h"
 #include "tools/scatter/text_table.h"
 
 namespace scatter::cli {
@@ -77,6 +79,47 @@ Sources sources(const protocol::Descriptor& descriptor) {
   return result;
 }
 
+/// Firmware slots, last start, last crash; what the device does not know is left out.
+void describe_health(device::Device& device, const device::Wait& wait, Answer& answer, TextRows& rows) {
+  const auto& hello = device.hello();
+  const bool rescue = (hello.capabilities & protocol::kCapabilityRescue) != 0;
+  const auto reset = static_cast<protocol::ResetReason>(hello.reset_reason);
+  answer.json["rescue_mode"] = rescue;
+  answer.json["reset_reason"] = device::words(reset);
+  answer.json["boot_count"] = hello.boot_count;
+  rows.push_back({"last start", fmt::format("{} (boot {})", device::words(reset), hello.boot_count)});
+  if ((hello.capabilities & protocol::kCapabilityUpdate) != 0) {
+    if (const auto state = device.update_status(wait)) {
+      answer.json["firmware_slots"] = to_json(*state, rescue);
+      const TextRows slots = rows_of(*state, rescue);
+      rows.insert(rows.end(), slots.begin(), slots.end());
+    }
+  }
+  if (const auto record = device.fault_record(wait)) {
+    answer.json["last_crash"] = to_json(*record);
+    rows.push_back({"last crash", words(*record)});
+  }
+}
+
+/// The bootloader answers: all that it knows.
+Answer describe_rescue(device::Device& device, const std::string& uri, const device::Wait& wait) {
+  const auto& hello = device.hello();
+  Answer answer;
+  answer.json = {{"kind", "instrument"},
+                 {"uri", uri},
+                 {"product", hello.product.str()},
+                 {"serial", hello.serial.str()},
+                 {"firmware", hello.build_id.str()},
+                 {"wire_major", hello.wire_major}};
+  TextRows rows = {{"instrument", fmt::format("{} {}", hello.product.str(), hello.serial.str())},
+                   {"rescue mode", fmt::format("{} answers: no firmware could be started; scatter flash {} "
+                                               "FIRMWARE.scfw puts one there",
+                                               hello.build_id.str(), uri)}};
+  describe_health(device, wait, answer, rows);
+  answer.text = text_table(rows);
+  return answer;
+}
+
 Result<Answer> describe_device(const std::string& uri, const Context& context) {
   auto device = open_device(uri, context);
   if (!device) {
@@ -84,6 +127,9 @@ Result<Answer> describe_device(const std::string& uri, const Context& context) {
   }
   const device::Wait wait{.timeout = std::chrono::seconds(5), .stop = context.stop};
   const auto& hello = device->hello();
+  if ((hello.capabilities & protocol::kCapabilityRescue) != 0) {
+    return describe_rescue(*device, uri, wait);
+  }
   const auto& descriptor = device->descriptor();
   const auto light = sources(descriptor);
   Answer answer;
@@ -105,7 +151,7 @@ Result<Answer> describe_device(const std::string& uri, const Context& context) {
                  {"reference_stage", descriptor.reference_stage != 0},
                  {"transmission_module", descriptor.transmission_module != 0},
                  {"illuminations", light.json}};
-  std::vector<std::vector<std::string>> rows = {
+  TextRows rows = {
       {"instrument",
        fmt::format("{} {}, hardware {}, firmware {}", descriptor.product.str(), descriptor.serial.str(),
                    descriptor.hardware_revision.str(), hello.build_id.str())},
@@ -116,10 +162,16 @@ Result<Answer> describe_device(const std::string& uri, const Context& context) {
       {"modules",
        fmt::format("reference stage: {}, transmission: {}", descriptor.reference_stage != 0 ? "yes" : "no",
                    descriptor.transmission_module != 0 ? "yes" : "no")}};
+  describe_health(*device, wait, answer, rows);
   if (const auto status = device->status(wait)) {
     answer.json["sensor_temperature_C"] = celsius(status->sensor_temperature_mK);
     answer.json["led_temperature_C"] = celsius(status->led_temperature_mK);
     answer.json["uptime_s"] = double(status->device_time_us) * 1e-6;
+    const auto fault = static_cast<protocol::FaultCode>(status->last_fault);
+    answer.json["last_fault"] = device::words(fault);
+    answer.json["worst_main_loop_turn_us"] = status->worst_poll_us;
+    rows.push_back({"health", fmt::format("last fault: {}; longest turn of the main loop: {} us",
+                                          device::words(fault), status->worst_poll_us)});
     rows.push_back(
         {"temperature", fmt::format("sensor {:.1f} C, LEDs {:.1f} C", celsius(status->sensor_temperature_mK),
                                     celsius(status->led_temperature_mK))});
