@@ -34,7 +34,6 @@ function(scatter_add_libsodium)
   set(SODIUM_LIBRARY_MINIMAL_DEF "")
   set(made ${PROJECT_BINARY_DIR}/libsodium)
   configure_file(${from}/include/sodium/version.h.in ${made}/sodium/version.h @ONLY)
-  enable_language(C)
   add_library(scatter_sodium STATIC
               ${from}/crypto_core/ed25519/ref10/ed25519_ref10.c ${from}/crypto_hash/sha512/cp/hash_sha512_cp.c
               ${from}/crypto_sign/ed25519/ref10/open.c ${from}/crypto_sign/ed25519/ref10/sign.c

@@ -29,7 +29,7 @@ class CobsDecoder {
   };
 
   /// `buffer` must outlive the decoder and bounds a decoded block.
-  explicit CobsDecoder(std::span<std::byte> buffer) noexcept : buffer_(buffer) {}
+  constexpr explicit CobsDecoder(std::span<std::byte> buffer) noexcept : buffer_(buffer) {}
 
   /// Takes bytes off the front of `bytes` up to the next closing zero. Empty blocks (zeros in a row)
   /// are skipped: a zero before a frame ends what noise on an idle line began.

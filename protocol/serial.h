@@ -27,7 +27,7 @@ namespace scatter::protocol {
 class SerialDecoder {
  public:
   /// `buffer` must outlive the decoder and hold a whole frame (kFrameOverhead + max_payload).
-  explicit SerialDecoder(std::span<std::byte> buffer, std::uint32_t max_payload = kMaxSerialPayload) noexcept
+  constexpr explicit SerialDecoder(std::span<std::byte> buffer, std::uint32_t max_payload = kMaxSerialPayload) noexcept
       : cobs_(buffer), max_payload_(max_payload) {}
 
   /// As LinkDecoder::push.
@@ -48,6 +48,9 @@ class SerialDecoder {
 
   /// As LinkDecoder::next.
   [[nodiscard]] ParseResult next(std::span<const std::byte>& bytes) noexcept;
+
+  /// Bytes of the frame or refused frame that next() gave last, valid until its next call.
+  [[nodiscard]] std::span<const std::byte> block() const noexcept { return cobs_.block(); }
 
   void reset() noexcept { cobs_.reset(); }
   /// A block that is no frame counts once: as bad_length when too long or when a whole frame does not
