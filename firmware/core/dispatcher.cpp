@@ -212,15 +212,10 @@ void Dispatcher::hello(const Header& request, const protocol::Hello& message) no
 
   events_.open(true);
   tell_crash();
-  if (!told_recovery_ && (state_.recovered() > 0 || !state_.mounted())) {
+  if (const protocol::FaultCode fault = fault_of(state_.report());
+      !told_recovery_ && fault != protocol::FaultCode::kNone) {
     told_recovery_ = true;
-    if (state_.mounted()) {
-      events_.fault(protocol::FaultCode::kCalibrationStoreRecovered,
-                    Text("stepped over damaged records in flash: ") << state_.recovered());
-    } else {
-      events_.fault(protocol::FaultCode::kFlashWrite,
-                    Text("flash cannot be used: nothing will be remembered"));
-    }
+    events_.fault(fault, text_of(state_.report()));
   }
 }
 

@@ -24,7 +24,9 @@ constexpr std::string_view kNoSession = "no such calibration session: begin one"
     case StatusCode::kOk:
       return "";
     case StatusCode::kResourceExhausted:
-      return "no room in flash";
+      return "there is no flash to write to";
+    case StatusCode::kFailedPrecondition:
+      return "the store is a later firmware's: update the firmware first";
     case StatusCode::kDataLoss:
       return "the flash refused the write";
     default:

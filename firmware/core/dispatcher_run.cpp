@@ -141,7 +141,7 @@ void Dispatcher::get_status(const Header& request) noexcept {
   status.duplicates = duplicates_;
   status.unknown_events = unknown_events_;
   status.last_fault = static_cast<std::uint16_t>(events_.last_fault());
-  status.calibration_records_recovered = state_.recovered();
+  status.calibration_records_recovered = state_.report().damaged;
   status.worst_poll_us = worst_poll_us_;
   reply(request, status);
 }

@@ -1,33 +1,37 @@
-// What survives a power cycle: calibration manifests, settings, boot count. Each change is one record
-// of the flash log; when a half is full the live records move to the other one.
+// What survives a power cycle: calibration manifests, settings, boot count. Each change writes all of it as
+// one record of the record store, so that there is never a mixture of old and new.
+//
+// The payload is a list of entries: u16 kind, u16 length, then a message encoded by protocol/codec.h.
 #pragma once
 
 #include <cstdint>
 
 #include "firmware/core/calibration_store.h"
-#include "firmware/core/flash_log.h"
+#include "firmware/core/record_store.h"
 #include "firmware/core/settings.h"
 
 namespace scatter::firmware {
 
-class PersistentState final : private FlashLog::Reader {
+/// RAM: about 4.5 KiB.
+class PersistentState final {
  public:
   PersistentState(Flash& flash, const protocol::Descriptor& descriptor) noexcept
-      : log_(flash), settings_(descriptor) {}
+      : store_(flash), settings_(descriptor) {}
 
-  /// Reads the flash and counts this boot. Call once, before anything else.
+  /// Reads the flash, then counts this boot, which writes both copies anew: what is true after this call
+  /// stays true. Call once, before anything else.
   void mount() noexcept;
-  /// False: the flash is unusable; everything lives in RAM only and changes answer kResourceExhausted.
+  /// False: nothing can be stored; what was found is served, the rest lives in RAM, and changes are refused.
   [[nodiscard]] bool mounted() const noexcept { return mounted_; }
-  /// Damaged stretches stepped over by mount.
-  [[nodiscard]] std::uint32_t recovered() const noexcept { return log_.recovered(); }
+  [[nodiscard]] const StoreReport& report() const noexcept { return report_; }
   [[nodiscard]] std::uint32_t boot_count() const noexcept { return counters_.boots; }
 
   [[nodiscard]] const CalibrationStore& calibrations() const noexcept { return calibrations_; }
   [[nodiscard]] const Settings& settings() const noexcept { return settings_; }
 
-  /// Changes take effect only when they are in flash: kOk, kResourceExhausted (log full or no flash) or
-  /// kDataLoss (the flash refused). commit gives the manifest its sequence number.
+  /// Changes take effect only when they are in flash: kOk; kResourceExhausted: there is no flash to write to;
+  /// kFailedPrecondition: the store is a later firmware's; kDataLoss: the flash refused. commit gives the
+  /// manifest its sequence number.
   [[nodiscard]] protocol::StatusCode commit(protocol::CalibrationManifest manifest) noexcept;
   /// kNotFound when the kind has no previous manifest.
   [[nodiscard]] protocol::StatusCode undo(protocol::Target kind) noexcept;
@@ -37,11 +41,7 @@ class PersistentState final : private FlashLog::Reader {
 
  private:
   // Numbers are part of the flash format.
-  enum RecordKind : std::uint16_t { kManifest = 1, kUndo = 2, kRestore = 3, kSetting = 4, kCounters = 5 };
-  struct Undo {
-    protocol::Target kind = protocol::Target::kWhiteReference;
-    static constexpr auto schema() { return protocol::fields(protocol::field("kind", &Undo::kind, "", "")); }
-  };
+  enum EntryKind : std::uint16_t { kManifest = 1, kSetting = 4, kCounters = 5 };
   struct Counters {
     std::uint32_t boots = 0;
     std::uint32_t commits = 0;
@@ -51,17 +51,20 @@ class PersistentState final : private FlashLog::Reader {
     }
   };
 
-  void record(std::uint16_t kind, std::span<const std::byte> payload) noexcept override;
-  template <typename T>
-  [[nodiscard]] FlashLog::Append write(RecordKind kind, const T& value) noexcept;
-  template <typename T>
-  [[nodiscard]] protocol::StatusCode persist(RecordKind kind, const T& value) noexcept;
-  [[nodiscard]] bool compact() noexcept;
+  void read_entries(std::span<const std::byte> entries) noexcept;
+  void read_entry(std::uint16_t kind, std::span<const std::byte> bytes) noexcept;
+  /// Stores the settings and these calibrations and counters.
+  [[nodiscard]] protocol::StatusCode store(const CalibrationStore& calibrations,
+                                           const Counters& counters) noexcept;
+  /// Stores changed_ and makes it the calibrations in force.
+  [[nodiscard]] protocol::StatusCode store_changed(const Counters& counters) noexcept;
 
-  FlashLog log_;
+  RecordStore store_;
   CalibrationStore calibrations_;
+  CalibrationStore changed_;  ///< Being stored, not in force yet.
   Settings settings_;
   Counters counters_;
+  StoreReport report_;
   bool mounted_ = false;
 };
 

@@ -44,7 +44,7 @@ struct Set {
   std::string key;
   std::string value;
 };
-struct Restart {};
+struct Restart {};  ///< Only before the scenario: it disarms a cut.
 using Step = std::variant<Commit, Undo, Restore, Set, Restart>;
 using Steps = std::vector<Step>;
 
@@ -286,7 +286,7 @@ std::vector<Plan> plans_for(const Geometry& geometry) {
       {.name = "wrap",
        .before = joined(calibrated, restarts(geometry.flash.units / 2 - 1)),
        .act = {white},
-       .recover = {Restart{}, white}},
+       .recover = {white}},
       {.name = "first_copy_lost", .before = calibrated, .act = {white}, .damage = Damage::kFirstCopyLost},
       {.name = "second_copy_lost", .before = calibrated, .act = {white}, .damage = Damage::kSecondCopyLost},
   };

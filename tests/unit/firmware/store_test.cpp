@@ -1,6 +1,13 @@
 #include <catch2/catch.hpp>
 
+#include <algorithm>
+#include <cstring>
+#include <string>
+#include <vector>
+
 #include "firmware/core/persistent_state.h"
+#include "protocol/crc.h"
+#include "protocol/endian.h"
 #include "tests/unit/firmware/fake_host.h"
 
 using namespace scatter::firmware;
@@ -8,6 +15,8 @@ using namespace scatter::firmware::fake;
 using namespace scatter::protocol;
 
 namespace {
+
+constexpr std::size_t kCopyBytes = std::size_t{FakeFlash::kUnit} * FakeFlash::kUnits / 2;
 
 CalibrationManifest manifest(Target kind, std::uint8_t number) {
   CalibrationManifest m;
@@ -19,10 +28,27 @@ CalibrationManifest manifest(Target kind, std::uint8_t number) {
 }
 
 struct Store {
-  explicit Store(FakeFlash& flash) : state(flash, factory.data) { state.mount(); }
+  explicit Store(Flash& flash) : state(flash, factory.data) { state.mount(); }
   FakeFactory factory;
   PersistentState state;
 };
+
+using Condition = StoreReport::Condition;
+
+/// Where the record with the highest number begins in a copy: the layout of record_store.h, read anew.
+std::size_t newest_record(const FakeFlash& flash, std::size_t copy) {
+  std::size_t found = flash.cells.size();
+  std::uint64_t highest = 0;
+  for (std::size_t at = copy * kCopyBytes; at + 24 <= (copy + 1) * kCopyBytes; at += 8) {
+    const std::byte* const bytes = flash.cells.data() + at;
+    if (std::memcmp(bytes, "OSRC", 4) == 0 && load_le<std::uint64_t>(bytes + 8) > highest) {
+      highest = load_le<std::uint64_t>(bytes + 8);
+      found = at;
+    }
+  }
+  REQUIRE(found < flash.cells.size());
+  return found;
+}
 
 }  // namespace
 
@@ -38,7 +64,9 @@ TEST_CASE("Manifests, settings and boot count survive a power cycle; nothing is 
   }
   Store store(flash);
   CHECK(store.state.boot_count() == 2);
-  CHECK(store.state.recovered() == 0);
+  CHECK(store.state.report().condition == Condition::kWhole);
+  CHECK(store.state.report().whole_copies == 2);
+  CHECK(fault_of(store.state.report()) == FaultCode::kNone);
   CHECK(store.state.settings().get("name")->value.str() == "left bench");
   const CalibrationListed listed = store.state.calibrations().list();
   REQUIRE(listed.manifests.size() == 3);
@@ -70,7 +98,7 @@ TEST_CASE("Undo brings the previous manifest back, across a power cycle; restore
   CHECK(store.state.calibrations().list().manifests.empty());
 }
 
-TEST_CASE("A full half moves its live records to the other one; the last two of every kind live on") {
+TEST_CASE("The ring goes round many times; the last two of every kind live on") {
   FakeFlash flash;
   std::uint32_t commits = 0;
   for (int boot = 0; boot < 10; ++boot) {
@@ -92,7 +120,7 @@ TEST_CASE("A full half moves its live records to the other one; the last two of 
   CHECK(flash.violations == 0);
 }
 
-TEST_CASE("After each of many commits a restart finds the same manifests: moving halves forgets nothing") {
+TEST_CASE("After each of many commits a restart finds the same manifests") {
   FakeFlash flash;
   Store store(flash);
   REQUIRE(store.state.set({.key = "name", .value = "kept"}) == StatusCode::kOk);
@@ -108,41 +136,27 @@ TEST_CASE("After each of many commits a restart finds the same manifests: moving
   }
 }
 
-TEST_CASE("A torn last record at any byte leaves every earlier one, is reported, and can be written past") {
-  FakeFlash before;
+TEST_CASE("Everything at its longest fits: the store is never full") {
+  FakeFlash flash;
   {
-    Store store(before);
-    REQUIRE(store.state.commit(manifest(Target::kWhiteReference, 1)) == StatusCode::kOk);
-  }
-  FakeFlash after = before;
-  {
-    Store store(after);  // Boot record and one more manifest behind the first.
-    REQUIRE(store.state.commit(manifest(Target::kWhiteReference, 2)) == StatusCode::kOk);
-  }
-  std::vector<std::size_t> changed;
-  for (std::size_t i = 0; i < after.cells.size(); ++i) {
-    if (after.cells[i] != before.cells[i]) {
-      changed.push_back(i);
+    Store store(flash);
+    for (std::uint8_t i = 0; i < 8; ++i) {
+      CalibrationManifest longest =
+          manifest(static_cast<Target>(1 + i % 4), static_cast<std::uint8_t>(i + 1));
+      longest.certificate_id = std::string_view(std::string(48, 'c'));
+      longest.scalars.resize(6);
+      REQUIRE(store.state.commit(longest) == StatusCode::kOk);
     }
+    const std::string text(64, 't');
+    REQUIRE(store.state.set({.key = "name", .value = std::string_view(text)}) == StatusCode::kOk);
+    REQUIRE(store.state.set({.key = "location", .value = std::string_view(text)}) == StatusCode::kOk);
   }
-  REQUIRE(!changed.empty());
-  for (const std::size_t cut : changed) {
-    FakeFlash torn = after;
-    std::fill(torn.cells.begin() + static_cast<std::ptrdiff_t>(cut), torn.cells.end(), std::byte{0xFF});
-    {
-      Store store(torn);
-      REQUIRE(store.state.mounted());
-      const std::uint8_t id = store.state.calibrations().current_id(Target::kWhiteReference)[0];
-      REQUIRE(id == 1);
-      REQUIRE(store.state.commit(manifest(Target::kWhiteReference, 9)) == StatusCode::kOk);
-    }
-    Store again(torn);
-    REQUIRE(again.state.calibrations().current_id(Target::kWhiteReference)[0] == 9);
-    REQUIRE(torn.violations == 0);
-  }
+  Store store(flash);
+  CHECK(store.state.calibrations().list().manifests.size() == 8);
+  CHECK(store.state.settings().get("location")->value.str().size() == 64);
 }
 
-TEST_CASE("A flipped bit anywhere in the log costs at most one record and is counted") {
+TEST_CASE("A flipped bit anywhere in the newest record of one copy costs nothing and is reported") {
   FakeFlash good;
   {
     Store store(good);
@@ -150,21 +164,46 @@ TEST_CASE("A flipped bit anywhere in the log costs at most one record and is cou
       REQUIRE(store.state.commit(manifest(static_cast<Target>(i), i)) == StatusCode::kOk);
     }
   }
-  for (std::size_t byte = 16; byte < 700; byte += 3) {
-    FakeFlash flash = good;
-    flash.cells[byte] ^= std::byte{0x10};
-    if (flash.cells[byte] == std::byte{0xEF}) {
-      continue;  // Was erased.
+  for (std::size_t copy = 0; copy < 2; ++copy) {
+    const std::size_t record = newest_record(good, copy);
+    const std::uint32_t payload = load_le<std::uint32_t>(good.cells.data() + record + 16);
+    const std::size_t body = (24 + payload + 7) / 8 * 8;  // The fake flash has granules of 8 bytes.
+    for (std::size_t i = 0; i < body + 8; ++i) {
+      FakeFlash flash = good;
+      flash.cells[record + i] ^= std::byte{0x10};
+      Store store(flash);
+      INFO("copy " << copy + 1 << ", byte " << i);
+      REQUIRE(store.state.mounted());
+      REQUIRE(store.state.calibrations().list().manifests.size() == 4);
+      REQUIRE(store.state.report().condition == Condition::kRecovered);
+      REQUIRE(store.state.report().copy_used == 2 - copy);
+      REQUIRE(store.state.report().copy_mended == copy + 1);
+      REQUIRE(store.state.report().damaged == 1);
+      REQUIRE(store.state.report().whole_copies == 2);
     }
-    Store store(flash);
-    REQUIRE(store.state.mounted());
-    REQUIRE(store.state.calibrations().list().manifests.size() >= 3);
-    REQUIRE(store.state.recovered() == 1);
   }
 }
 
-TEST_CASE("A flash that fails at any operation keeps the old set and says so") {
-  for (std::uint32_t fail = 0; fail < 40; ++fail) {
+TEST_CASE(
+    "When the newest record rots in both copies the one before it is in force, whole, and that is said") {
+  FakeFlash flash;
+  {
+    Store store(flash);
+    REQUIRE(store.state.commit(manifest(Target::kWhiteReference, 1)) == StatusCode::kOk);
+    REQUIRE(store.state.commit(manifest(Target::kWhiteReference, 2)) == StatusCode::kOk);
+  }
+  flash.cells[newest_record(flash, 0) + 40] ^= std::byte{1};
+  flash.cells[newest_record(flash, 1) + 40] ^= std::byte{1};
+  Store store(flash);
+  CHECK(store.state.calibrations().current_id(Target::kWhiteReference)[0] == 1);
+  CHECK(store.state.calibrations().list().manifests.size() == 1);
+  CHECK(fault_of(store.state.report()) == FaultCode::kCalibrationStoreRecovered);
+  CHECK(text_of(store.state.report()).str() ==
+        "store: 2 unfinished or damaged records dropped; both copies are whole");
+}
+
+TEST_CASE("A flash that fails at any operation keeps the last set that was stored and says so") {
+  for (std::uint32_t fail = 0; fail < 60; ++fail) {
     FakeFlash flash;
     {
       Store store(flash);
@@ -185,7 +224,78 @@ TEST_CASE("A flash that fails at any operation keeps the old set and says so") {
     flash.fail_after = 0xFFFF'FFFF;
     Store store(flash);
     REQUIRE(store.state.calibrations().current_id(Target::kWhiteReference)[0] == last);
+    REQUIRE(flash.violations == 0);
   }
+}
+
+TEST_CASE("What was stored is served when the flash can no longer be written; changes are refused") {
+  FakeFlash flash;
+  {
+    Store store(flash);
+    REQUIRE(store.state.commit(manifest(Target::kWhiteReference, 1)) == StatusCode::kOk);
+  }
+  flash.fail_after = 0;
+  Store store(flash);
+  CHECK_FALSE(store.state.mounted());
+  CHECK(fault_of(store.state.report()) == FaultCode::kFlashWrite);
+  CHECK(store.state.calibrations().current_id(Target::kWhiteReference)[0] == 1);
+  CHECK(store.state.commit(manifest(Target::kWhiteReference, 2)) == StatusCode::kResourceExhausted);
+  CHECK(store.state.calibrations().current_id(Target::kWhiteReference)[0] == 1);
+}
+
+TEST_CASE("The store of a later version is left untouched and changes are refused, even beside our own") {
+  FakeFlash flash;
+  {
+    Store store(flash);
+    REQUIRE(store.state.commit(manifest(Target::kWhiteReference, 1)) == StatusCode::kOk);
+  }
+  // A header as a later firmware writes it, at the start of an erase unit.
+  std::byte* const header = flash.cells.data() + FakeFlash::kUnit;
+  std::memcpy(header, flash.cells.data() + newest_record(flash, 0), 24);
+  store_le(header + 4, std::uint16_t{2});
+  store_le(header + 20, crc32c(std::span<const std::byte>(header, 20)));
+  const std::vector<std::byte> before = flash.cells;
+  const std::uint32_t operations = flash.operations;
+  Store store(flash);
+  CHECK(fault_of(store.state.report()) == FaultCode::kStoreOfLaterVersion);
+  CHECK(store.state.commit(manifest(Target::kWhiteReference, 2)) == StatusCode::kFailedPrecondition);
+  CHECK(store.state.restore_factory() == StatusCode::kFailedPrecondition);
+  CHECK(store.state.set({.key = "name", .value = "x"}) == StatusCode::kFailedPrecondition);
+  CHECK(store.state.settings().get("name")->value.empty());
+  CHECK(store.state.calibrations().list().manifests.empty());
+  CHECK(flash.operations == operations);
+  CHECK(flash.cells == before);
+}
+
+TEST_CASE("A flash too small for four places is refused, not used by halves") {
+  struct SmallFlash final : Flash {
+    FakeFlash inside;
+    Geometry its{};
+    Geometry geometry() noexcept override { return its; }
+    bool read(std::uint32_t offset, std::span<std::byte> out) noexcept override {
+      return inside.read(offset, out);
+    }
+    bool program(std::uint32_t offset, std::span<const std::byte> bytes) noexcept override {
+      return inside.program(offset, bytes);
+    }
+    bool erase(std::uint32_t unit) noexcept override {
+      std::fill_n(inside.cells.begin() + unit * its.unit_bytes, its.unit_bytes, std::byte{0xFF});
+      return true;
+    }
+  };
+  const Flash::Geometry refused[] = {{0, 0, 0},      {4096, 3, 8},  {1024, 7, 8}, {4096, 4, 0},
+                                     {4096, 4, 128}, {4096, 4, 24}, {0, 4, 8},    {4096, 0xFFFF'FFFF, 8}};
+  for (const Flash::Geometry& geometry : refused) {
+    SmallFlash flash;
+    flash.its = geometry;
+    Store store(flash);
+    CHECK_FALSE(store.state.mounted());
+    CHECK(store.state.commit(manifest(Target::kDarkCap, 1)) == StatusCode::kResourceExhausted);
+    CHECK(flash.inside.operations == 0);
+  }
+  SmallFlash flash;
+  flash.its = {1024, 8, 8};
+  CHECK(Store(flash).state.mounted());
 }
 
 TEST_CASE("A device without usable flash runs on and refuses to store") {
@@ -200,4 +310,21 @@ TEST_CASE("A device without usable flash runs on and refuses to store") {
   REQUIRE(!host.all<FaultEvent>().empty());
   CHECK(host.all<FaultEvent>()[0].fault == static_cast<std::uint16_t>(FaultCode::kFlashWrite));
   host.measure(fixed_recipe());
+}
+
+TEST_CASE("The host is told at HELLO what the store recovered") {
+  FakeBoard board;
+  {
+    Store store(board.flash);
+  }
+  board.flash.cells[newest_record(board.flash, 1) + 30] ^= std::byte{4};
+  FakeHost host(board);
+  host.hello();
+  host.settle();
+  REQUIRE(!host.all<FaultEvent>().empty());
+  const FaultEvent fault = host.all<FaultEvent>()[0];
+  CHECK(fault.fault == static_cast<std::uint16_t>(FaultCode::kCalibrationStoreRecovered));
+  CHECK(
+      fault.text.str() ==
+      "store: 1 unfinished or damaged records dropped; copy 2 mended from the other; both copies are whole");
 }
