@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "simulator/emulator/emulated_board.h"
 #include "simulator/instrument/instrument_options.h"
 #include "simulator/instrument/server.h"
 #include "simulator/instrument/virtual_instrument.h"
@@ -16,6 +17,9 @@ namespace {
 struct Options {
   std::string listen;
   bool allow_remote = false;
+  std::string board;                                        ///< "": the virtual board.
+  std::string firmware;                                     ///< .scfw of an emulated board.
+  std::string state;                                        ///< Folder of an emulated board.
   std::vector<std::pair<std::string, std::string>> single;  ///< Key of the sim: query and its value.
   std::vector<std::string> faults;
 };
@@ -49,12 +53,62 @@ std::string query(const Options& options) {
   return text;
 }
 
+/// Serves until the user ends it.
+Status serve(simulator::Server& server, const Context& context, Answer& answer) {
+  // At once, not with the answer: whoever started this program waits for it.
+  const std::string line = context.json ? nlohmann::ordered_json{{"listening", server.address()}}.dump()
+                                        : "listening on " + server.address() + "; ctrl-C ends it";
+  std::fprintf(stdout, "%s\n", line.c_str());
+  std::fflush(stdout);
+  Status served = server.serve(context.stop);
+  const auto statistics = server.statistics();
+  answer.json = {{"hosts", statistics.hosts}, {"turned_away", statistics.turned_away}};
+  answer.text = fmt::format("served {} hosts, turned {} away\n", statistics.hosts, statistics.turned_away);
+  return served;
+}
+
+Result<Answer> run_board(const Options& options, const simulator::InstrumentOptions& which,
+                         const Context& context) {
+  const auto files = simulator::find_firmware(options.firmware);
+  if (!files) {
+    return std::unexpected(files.error());
+  }
+  const auto board = simulator::EmulatedBoard::start({.instrument = which,
+                                                      .bootloader = files->bootloader,
+                                                      .firmware = files->firmware,
+                                                      .state = options.state});
+  if (!board) {
+    return std::unexpected(board.error());
+  }
+  const auto server =
+      simulator::Server::listen(options.listen, **board, {.allow_remote = options.allow_remote});
+  if (!server) {
+    return std::unexpected(server.error());
+  }
+  Answer answer;
+  if (Status served = serve(**server, context, answer); !served) {
+    return std::unexpected(served.error());
+  }
+  const auto bench = (*board)->statistics().bench;
+  answer.json["bench"] = {{"boots", bench.boots}, {"frames", bench.frames}, {"refused", bench.refused}};
+  answer.text += fmt::format("the board booted {} times; {} frames drawn, {} commands refused\n", bench.boots,
+                             bench.frames, bench.refused);
+  return answer;
+}
+
 Result<Answer> run(const Options& options, const Context& context) {
   simulator::InstrumentOptions defaults;
   defaults.clock = simulator::ClockMode::kReal;
   const auto which = simulator::parse_instrument_options(query(options), defaults);
   if (!which) {
     return std::unexpected(which.error());
+  }
+  if (!options.board.empty()) {
+    return run_board(options, *which, context);
+  }
+  if (!options.firmware.empty() || !options.state.empty()) {
+    return fail(ErrorCode::kInvalidArgument, "--firmware and --state belong to an emulated board",
+                "add --board mps2_an500, or leave them out");
   }
   const auto instrument = simulator::VirtualInstrument::make(*which);
   if (!instrument) {
@@ -65,18 +119,10 @@ Result<Answer> run(const Options& options, const Context& context) {
   if (!server) {
     return std::unexpected(server.error());
   }
-  // At once, not with the answer: whoever started this program waits for it.
-  const std::string line = context.json ? nlohmann::ordered_json{{"listening", (*server)->address()}}.dump()
-                                        : "listening on " + (*server)->address() + "; ctrl-C ends it";
-  std::fprintf(stdout, "%s\n", line.c_str());
-  std::fflush(stdout);
-  if (const auto served = (*server)->serve(context.stop); !served) {
+  Answer answer;
+  if (Status served = serve(**server, context, answer); !served) {
     return std::unexpected(served.error());
   }
-  const auto statistics = (*server)->statistics();
-  Answer answer;
-  answer.json = {{"hosts", statistics.hosts}, {"turned_away", statistics.turned_away}};
-  answer.text = fmt::format("served {} hosts, turned {} away\n", statistics.hosts, statistics.turned_away);
   return answer;
 }
 
@@ -87,6 +133,12 @@ Verb add_simulate(CLI::App& root) {
   auto options = std::make_shared<Options>();
   app->add_option("--listen", options->listen, "tcp:127.0.0.1:PORT (0: a free one) or unix:PATH")->required();
   app->add_flag("--allow-remote", options->allow_remote, "Listen on addresses that other computers reach");
+  app->add_option("--board", options->board,
+                  "Run the firmware's image on this board under QEMU instead of in this program")
+      ->check(CLI::IsMember({"mps2_an500"}));
+  app->add_option("--firmware", options->firmware,
+                  "With --board: image (.scfw) of a new board; default: that of ./run firmware");
+  app->add_option("--state", options->state, "With --board: folder that keeps its memory between runs");
   options->single = {{"sample", {}},     {"seed", {}},  {"profile", {}}, {"calibration", {}},
                      {"references", {}}, {"clock", {}}, {"module", {}},  {"flash", {}}};
   const auto value = [&](std::size_t k, const char* help) {
@@ -94,7 +146,7 @@ Verb add_simulate(CLI::App& root) {
   };
   value(0, "What lies under it: a model, file:PATH, with defects such as +tilt=1.0@30");
   value(1, "Number that decides every random draw");
-  value(2, "hs1 or fine");
+  value(2, "hs1, fine or binned (small frames for slow links)");
   value(3, "session, stale or none");
   value(4, "exact or drawn");
   value(5, "real (default) or virtual");
