@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "protocol/crc.h"
+#include "protocol/endian.h"
 
 namespace scatter::device::test {
 
@@ -261,7 +262,13 @@ void ScriptedDevice::run() {
 }
 
 void ScriptedDevice::send_frame(std::uint32_t id) {
-  const Bytes pixels = test_pixels(id);
+  Bytes pixels = test_pixels(id);
+  if (recipe_.test_pattern != 0) {
+    for (std::uint32_t k = 0; k < kWidth * kHeight; ++k) {
+      const auto value = static_cast<std::uint16_t>((id * 7919U + k + script.pattern_error) & 0x0FFFU);
+      protocol::store_le(pixels.data() + 2 * std::size_t{k}, value);
+    }
+  }
   protocol::FrameBegin begin;
   begin.run_id = run_id;
   begin.frame_id = id;

@@ -46,6 +46,7 @@ struct Script {
   bool corrupt_checksum = false;       ///< FrameEnd carries a wrong checksum.
   bool silent_end = false;             ///< RunFinished is never sent.
   bool ignore_credit = false;
+  std::uint32_t pattern_error = 0;  ///< Added to every pixel of the test pattern.
 };
 
 class ScriptedDevice final : public Transport {
