@@ -71,8 +71,9 @@ int run(int argc, char** argv) {
       "Exit status: 0 done, 1 failed, 2 wrong usage.");
   std::vector<Verb> verbs;
   for (const auto add :
-       {add_list, add_info, add_calibrate, add_measure, add_record, add_process, add_inspect, add_convert,
-        add_merge, add_atlas, add_compare, add_fit, add_plot, add_corrode, add_patinate, add_simulate, add_flash, add_firmware}) {
+       {add_list,     add_info,    add_calibrate, add_measure,  add_record, add_process, add_inspect,
+        add_convert,  add_merge,   add_atlas,     add_compare,  add_fit,    add_plot,    add_corrode,
+        add_patinate, add_conform, add_selftest,  add_simulate, add_flash,  add_firmware}) {
     verbs.push_back(add(root));
   }
   bool json = false;

@@ -44,6 +44,7 @@ struct Verb {
 [[nodiscard]] Verb add_record(CLI::App& root);
 [[nodiscard]] Verb add_process(CLI::App& root);
 [[nodiscard]] Verb add_inspect(CLI::App& root);
+[[nodiscard]] Verb add_conform(CLI::App& root);
 [[nodiscard]] Verb add_convert(CLI::App& root);
 [[nodiscard]] Verb add_corrode(CLI::App& root);
 [[nodiscard]] Verb add_merge(CLI::App& root);
@@ -52,6 +53,7 @@ struct Verb {
 [[nodiscard]] Verb add_fit(CLI::App& root);
 [[nodiscard]] Verb add_patinate(CLI::App& root);
 [[nodiscard]] Verb add_plot(CLI::App& root);
+[[nodiscard]] Verb add_selftest(CLI::App& root);
 [[nodiscard]] Verb add_simulate(CLI::App& root);
 [[nodiscard]] Verb add_flash(CLI::App& root);
 [[nodiscard]] Verb add_firmware(CLI::App& root);
