@@ -30,7 +30,7 @@ struct EmulatedBoardOptions {
   std::filesystem::path state;       ///< Folder that keeps memory and EEPROM; empty: forgotten at the end.
   bool eeprom = true;                ///< False: the chip is missing.
   bool factory_set = true;           ///< False: production forgot it.
-  BenchConduct conduct;
+  BenchConduct conduct{};
 };
 
 struct FirmwareFiles {

@@ -17,7 +17,7 @@ namespace scatter::simulator {
 struct QemuFiles {
   std::filesystem::path kernel;         ///< ELF at address 0: the bootloader.
   std::filesystem::path shared_memory;  ///< 16 MiB, see firmware/backplane/shared_memory.h.
-  std::filesystem::path eeprom;         ///< 32 KiB; empty: the board has none.
+  std::filesystem::path eeprom{};       ///< 32 KiB; empty: the board has none.
 };
 
 /// Lines are pairs of sockets, so nothing of the process is left in the file system. The process dies with
