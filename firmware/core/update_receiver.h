@@ -43,6 +43,13 @@ class UpdateReceiver {
   /// is pending gets UNAVAILABLE. Worst case: kMaxChunk bytes programmed and read back, or one signature
   /// check.
   [[nodiscard]] UpdateAnswer request(const protocol::Frame& frame, std::uint32_t max_payload) noexcept;
+  /// The same one by one, for who has no frames; not while busy().
+  [[nodiscard]] UpdateAnswer begin(const protocol::UpdateBegin& message) noexcept;
+  [[nodiscard]] UpdateAnswer write(const protocol::UpdateWrite& message) noexcept;
+  [[nodiscard]] UpdateAnswer finish() noexcept;
+  [[nodiscard]] UpdateAnswer confirm() noexcept;
+  [[nodiscard]] UpdateAnswer status(std::uint32_t max_payload) noexcept;
+
   /// One bounded piece of a pending request: one unit read or erased, or one piece hashed. The answer, when
   /// that was the last one.
   [[nodiscard]] std::optional<UpdateAnswer> poll() noexcept;
@@ -63,12 +70,6 @@ class UpdateReceiver {
   enum class Job : std::uint8_t { kNone, kFindEnd, kErase, kFinish, kInspect };
   using Answer = UpdateAnswer;
   static constexpr std::uint32_t kReadBytes = 512;
-
-  [[nodiscard]] Answer begin(const protocol::UpdateBegin& message) noexcept;
-  [[nodiscard]] Answer write(const protocol::UpdateWrite& message) noexcept;
-  [[nodiscard]] Answer finish() noexcept;
-  [[nodiscard]] Answer confirm() noexcept;
-  [[nodiscard]] Answer status(std::uint32_t max_payload) noexcept;
 
   [[nodiscard]] Answer refusal(HeaderFault fault, const protocol::ImageHeader& header,
                                const SlotIdentity& slot) const noexcept;

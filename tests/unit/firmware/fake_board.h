@@ -189,7 +189,10 @@ struct FakeHousekeeping final : Watchdog, Reset {
   std::uint32_t reboots = 0;
   void kick() noexcept override { ++kicks; }
   void reboot() noexcept override { ++reboots; }
-  protocol::ResetReason reason() noexcept override { return protocol::ResetReason::kPowerOn; }
+  protocol::ResetReason why = protocol::ResetReason::kPowerOn;
+  protocol::FaultRecord crash;
+  protocol::ResetReason reason() noexcept override { return why; }
+  protocol::FaultRecord fault_record() noexcept override { return crash; }
 };
 
 struct FakeFactory final : Factory {
@@ -250,6 +253,8 @@ struct FakeBoard {
   FakeFactory factory;
   FakeStage stage{clock};
   bool with_stage = false;
+  ImageSlots* image_slots = nullptr;
+  Verifier* verifier = nullptr;
 
   [[nodiscard]] Ports ports() {
     return {.clock = clock,
@@ -262,7 +267,9 @@ struct FakeBoard {
             .reset = keeper,
             .flash = flash,
             .factory = factory,
-            .reference_stage = with_stage ? &stage : nullptr};
+            .reference_stage = with_stage ? &stage : nullptr,
+            .image_slots = image_slots,
+            .verifier = verifier};
   }
 };
 

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <catch2/catch.hpp>
+#include <functional>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "firmware/core/instrument.h"
@@ -36,6 +38,10 @@ class FakeHost {
  public:
   explicit FakeHost(FakeBoard& board)
       : board_(board), ports_(board.ports()), instrument_(std::make_unique<Instrument>(ports_)) {}
+
+  /// Talks to something else than an Instrument on the same board.
+  FakeHost(FakeBoard& board, std::function<Step()> device)
+      : board_(board), ports_(board.ports()), device_(std::move(device)) {}
 
   Instrument& instrument() { return *instrument_; }
   std::vector<Received> received;
@@ -72,7 +78,7 @@ class FakeHost {
 
   /// One poll; takes what it sent. True when something happened.
   bool poll() {
-    const Step step = instrument_->poll();
+    const Step step = device_ ? device_() : instrument_->poll();
     wake_us_ = step.wake_at_us;
     return take() || step.did_work;
   }
@@ -209,6 +215,7 @@ class FakeHost {
   FakeBoard& board_;
   Ports ports_;
   std::unique_ptr<Instrument> instrument_;
+  std::function<Step()> device_;
   std::vector<std::byte> buffer_ = std::vector<std::byte>(protocol::kMaxFrameBytes);
   protocol::LinkDecoder decoder_{buffer_};
   std::uint16_t correlation_ = 0;
