@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "host_sdk/device/conformance/check_functions.h"
+#include "host_sdk/device/conformance/wire_probe.h"
 #include "protocol/endian.h"
 
 namespace scatter::conformance {
@@ -185,38 +186,48 @@ void check_settings(Subject& subject, Judgement& judge) {
 }
 
 void check_clock(Subject& subject, Judgement& judge) {
-  auto device = subject.device();
-  if (!device) {
-    return judge.broken("open", device.error());
+  auto probe = WireProbe::greet(subject);
+  if (!probe) {
+    return judge.broken("hello", probe.error());
   }
-  std::optional<device::ClockReading> first;
-  std::uint64_t before = 0;
-  device::ClockReading last;
+  struct Reading {
+    double asked_us = 0;  ///< Of the transport's clock.
+    double answered_us = 0;
+    std::uint64_t device_us = 0;
+  };
+  const device::TimePoint start = probe->now();
+  const auto since_start_us = [&] {
+    return std::chrono::duration<double, std::micro>(probe->now() - start).count();
+  };
+  std::vector<Reading> readings;
   for (int i = 0; i < 40; ++i) {
-    const auto reading = device->clock_sync(subject.wait());
-    if (!reading) {
-      return judge.broken("clock_sync", reading.error());
+    const protocol::ClockSync request{.host_time_us = probe->unix_time_us()};
+    Reading reading{.asked_us = since_start_us()};
+    const auto reply = probe->ask<protocol::ClockSynced>(request);
+    if (!reply) {
+      return judge.broken("clock_sync", reply.error());
     }
-    judge.require(reading->device_time_us >= before,
-                  fmt::format("the clock went back from {} to {} us", before, reading->device_time_us));
-    before = reading->device_time_us;
-    first = first.value_or(*reading);
-    last = *reading;
+    reading.answered_us = since_start_us();
+    reading.device_us = reply->device_time_us;
+    judge.equal("the host's time in the reply", request.host_time_us, reply->host_time_us);
+    judge.require(readings.empty() || reading.device_us >= readings.back().device_us,
+                  fmt::format("the clock went back to {} us", reading.device_us));
+    readings.push_back(reading);
     // Time passes on a virtual clock only while somebody waits.
-    if (i % 4 == 3 && !subject.pause(std::chrono::milliseconds(20))) {
-      return;
+    if (i % 4 == 3) {
+      (void)probe->collect(std::chrono::milliseconds(25));
     }
   }
-  const auto host_us = static_cast<double>(last.host_unix_us) - static_cast<double>(first->host_unix_us);
-  const auto device_us =
-      static_cast<double>(last.device_time_us) - static_cast<double>(first->device_time_us);
-  const double uncertain_us =
-      std::chrono::duration<double, std::micro>(first->round_trip + last.round_trip).count() / 2 + 2;
-  const double tolerated_us = uncertain_us + 0.002 * host_us;  // A crystal is far better than 0.2 %.
+  const Reading& first = readings.front();
+  const Reading& last = readings.back();
+  const double host_us = (last.asked_us + last.answered_us - first.asked_us - first.answered_us) / 2;
+  const auto device_us = static_cast<double>(last.device_us - first.device_us);
+  const double uncertain_us = (last.answered_us - last.asked_us + first.answered_us - first.asked_us) / 2 + 2;
+  // A crystal is far better than 0.2 %.
   judge.require(
-      std::abs(device_us - host_us) <= tolerated_us,
+      std::abs(device_us - host_us) <= uncertain_us + 0.002 * host_us,
       fmt::format("{:.0f} us of the host are {:.0f} us of the device, allowed is a difference of {:.0f}",
-                  host_us, device_us, tolerated_us));
+                  host_us, device_us, uncertain_us + 0.002 * host_us));
   judge.measured(fmt::format("{:.0f} us of the host are {:.0f} us of the device, +-{:.0f} us", host_us,
                              device_us, uncertain_us));
 }

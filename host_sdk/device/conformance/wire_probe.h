@@ -104,6 +104,7 @@ class WireProbe {
   [[nodiscard]] const std::vector<protocol::FrameHeader>& seen() const noexcept { return seen_; }
   [[nodiscard]] const Received& last_reply() const noexcept { return last_; }
   [[nodiscard]] device::TimePoint now() const { return transport_->now(); }
+  [[nodiscard]] std::uint64_t unix_time_us() const { return transport_->system_time_unix_ns() / 1000; }
 
  private:
   WireProbe(std::unique_ptr<device::Transport> transport, std::stop_token stop);
