@@ -336,7 +336,7 @@ bool Acquisition::send_band(std::span<std::byte> slot) noexcept {
   const std::uint32_t fit = packer_.pixels_that_fit(static_cast<std::uint32_t>(room));
   const std::uint32_t width = plan_->width();
   if (band_first_ == band_end_) {
-    const std::uint32_t most = std::min<std::uint32_t>(fit, kBandPixels) / width;
+    const std::uint32_t most = std::min<std::uint32_t>(fit, static_cast<std::uint32_t>(band_.size())) / width;
     const auto rows = static_cast<std::uint16_t>(
         std::clamp<std::uint32_t>(most, 1, static_cast<std::uint32_t>(plan_->height() - rows_read_)));
     if (!read_band(rows_read_, rows)) {

@@ -1,12 +1,12 @@
 // The run: exposures in the recipe's order, each one read in row bands straight into wire frames.
 //
-// At most one band (kBandPixels) and one wire frame are in memory; a whole frame never is. Every step
+// At most one band (of kMaxRowPixels) and one wire frame are in memory; a whole frame never is. Every step
 // does a bounded piece of work (at most one wire frame), so control traffic is served between any two.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 
 #include "firmware/core/event_log.h"
 #include "firmware/core/exposure_planner.h"
@@ -40,8 +40,9 @@ struct RunSettings {
 
 class Acquisition {
  public:
-  Acquisition(Ports& ports, LinkOutput& output, EventLog& events) noexcept
-      : ports_(ports), output_(output), events_(events) {}
+  /// `band` holds at least kMaxRowPixels and outlives this.
+  Acquisition(Ports& ports, LinkOutput& output, EventLog& events, std::span<std::uint16_t> band) noexcept
+      : ports_(ports), output_(output), events_(events), band_(band) {}
 
   /// Begins a run of `plan` (copied) and returns its id. Only while not active().
   std::uint32_t start(const ScanPlan& plan, const RunSettings& settings) noexcept;
@@ -66,7 +67,6 @@ class Acquisition {
 
  private:
   enum class Phase : std::uint8_t { kIdle, kNext, kHold, kExposing, kReading, kDraining };
-  static constexpr std::size_t kBandPixels = kMaxRowPixels;
 
   [[nodiscard]] Step step_next() noexcept;
   [[nodiscard]] Step step_exposing() noexcept;
@@ -117,7 +117,7 @@ class Acquisition {
   Shot shot_;
   protocol::FrameBegin begin_;
   protocol::RunReport report_;
-  std::array<std::uint16_t, kBandPixels> band_{};
+  std::span<std::uint16_t> band_;
 };
 
 }  // namespace scatter::firmware

@@ -20,7 +20,8 @@ constexpr std::uint64_t kPendingMarginUs = 1'000'000;
 }  // namespace
 
 Dispatcher::Dispatcher(Ports& ports, LinkOutput& output, EventLog& events, Acquisition& acquisition,
-                       PersistentState& state, const protocol::LinkCounters& counters) noexcept
+                       PersistentState& state, const protocol::LinkCounters& counters,
+                       std::span<std::byte> replies) noexcept
     : ports_(ports),
       output_(output),
       events_(events),
@@ -29,7 +30,8 @@ Dispatcher::Dispatcher(Ports& ports, LinkOutput& output, EventLog& events, Acqui
       counters_(counters),
       descriptor_(ports.factory.descriptor()),
       objects_(ports.factory),
-      stage_(ports.reference_stage) {
+      stage_(ports.reference_stage),
+      cache_(replies, protocol::ReplyCache::kMaxSlots) {
   if (ports.image_slots != nullptr && ports.verifier != nullptr) {
     update_.emplace(*ports.image_slots, *ports.verifier, descriptor_.product.str());
   }

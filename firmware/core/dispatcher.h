@@ -27,7 +27,8 @@ namespace scatter::firmware {
 class Dispatcher {
  public:
   Dispatcher(Ports& ports, LinkOutput& output, EventLog& events, Acquisition& acquisition,
-             PersistentState& state, const protocol::LinkCounters& counters) noexcept;
+             PersistentState& state, const protocol::LinkCounters& counters,
+             std::span<std::byte> replies) noexcept;
 
   /// One frame from the host. The caller has made sure of LinkOutput::has_control_room().
   void on_frame(const protocol::Frame& frame) noexcept;
@@ -113,8 +114,7 @@ class Dispatcher {
   CalibrationSession calibration_;
   protocol::EpochCounter epoch_;
   std::optional<ScanPlan> plan_;
-  std::array<std::byte, protocol::ReplyCache::kMaxSlots * LinkOutput::kMaxControlFrame> cache_bytes_{};
-  protocol::ReplyCache cache_{cache_bytes_, protocol::ReplyCache::kMaxSlots};
+  protocol::ReplyCache cache_;
 
   bool session_open_ = false;
   bool told_recovery_ = false;

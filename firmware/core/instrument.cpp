@@ -19,17 +19,18 @@ constexpr std::uint64_t kFrameSilenceUs = 1'000'000;
 
 }  // namespace
 
-Instrument::Instrument(Ports& ports) noexcept
+InstrumentCore::InstrumentCore(Ports& ports, const InstrumentMemory& memory) noexcept
     : ports_(ports),
-      output_(ports.link),
+      decoder_(memory.decoder),
+      output_(ports.link, memory.stream),
       events_(ports.clock, output_),
       state_(ports.flash, ports.factory.descriptor()),
-      acquisition_(ports, output_, events_),
-      dispatcher_(ports, output_, events_, acquisition_, state_, decoder_.counters()) {
+      acquisition_(ports, output_, events_, memory.band),
+      dispatcher_(ports, output_, events_, acquisition_, state_, decoder_.counters(), memory.replies) {
   state_.mount();
 }
 
-bool Instrument::follow_link() noexcept {
+bool InstrumentCore::follow_link() noexcept {
   const bool connected = ports_.link.connected();
   if (connected == connected_) {
     return false;
@@ -45,7 +46,7 @@ bool Instrument::follow_link() noexcept {
   return true;
 }
 
-void Instrument::handle(const protocol::ParseResult& result) noexcept {
+void InstrumentCore::handle(const protocol::ParseResult& result) noexcept {
   if (result.frame) {
     dispatcher_.on_frame(*result.frame);
   } else if (protocol::is_refused(result.status)) {
@@ -53,7 +54,7 @@ void Instrument::handle(const protocol::ParseResult& result) noexcept {
   }
 }
 
-bool Instrument::receive() noexcept {
+bool InstrumentCore::receive() noexcept {
   const std::uint64_t now = ports_.clock.now_us();
   bool did_work = false;
   if (unread_.empty()) {
@@ -85,7 +86,7 @@ bool Instrument::receive() noexcept {
   return did_work;
 }
 
-Step Instrument::poll() noexcept {
+Step InstrumentCore::poll() noexcept {
   ports_.watchdog.kick();
   const std::uint64_t now = ports_.clock.now_us();
   Step step;

@@ -7,9 +7,11 @@
 //     if (!step.did_work) sleep_until(step.wake_at_us);  // or earlier, on link traffic
 //   }
 //
-// No heap, no exceptions, no time but Clock's. RAM: sizeof(Instrument), about 112 KiB. One thread.
+// No heap, no exceptions, no time but Clock's. RAM: sizeof(Instrument), about 120 KiB; a board with a slow
+// carrier or memory of several kinds makes an InstrumentCore over memory of its own instead. One thread.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -26,12 +28,39 @@
 
 namespace scatter::firmware {
 
-class Instrument {
+/// Memory whose size the carrier's longest payload decides.
+struct InstrumentMemory {
+  std::span<std::byte> decoder;   ///< One wire frame from the host.
+  std::span<std::byte> stream;    ///< One wire frame of pixels to the host.
+  std::span<std::byte> replies;   ///< kMaxSlots of the ReplyCache, each for the longest reply.
+  std::span<std::uint16_t> band;  ///< At least kMaxRowPixels.
+};
+
+/// The arrays for carriers of up to kPayload bytes of payload (Link::max_payload). Frame bands (pixels on
+/// their way) are `stream` and `band`.
+template <std::uint32_t kPayload>
+struct InstrumentArrays {
+  static constexpr std::size_t kFrameBytes = protocol::kFrameOverhead + kPayload;
+  static constexpr std::size_t kReplyBytes = std::min(kFrameBytes, LinkOutput::kMaxControlFrame);
+
+  std::array<std::byte, kFrameBytes> decoder{};
+  std::array<std::byte, protocol::ReplyCache::kMaxSlots * kReplyBytes> replies{};
+  alignas(8) std::array<std::byte, kFrameBytes> stream{};
+  std::array<std::uint16_t, kMaxRowPixels> band{};
+
+  [[nodiscard]] InstrumentMemory memory() noexcept {
+    return {.decoder = decoder, .stream = stream, .replies = replies, .band = band};
+  }
+};
+
+/// The firmware over memory of the caller's.
+class InstrumentCore {
  public:
-  /// Mounts the flash and counts the boot. `ports` and what it refers to must outlive the instrument.
-  explicit Instrument(Ports& ports) noexcept;
-  Instrument(const Instrument&) = delete;
-  Instrument& operator=(const Instrument&) = delete;
+  /// Mounts the flash and counts the boot. `ports` and what it refers to, and the memory, must outlive the
+  /// instrument.
+  InstrumentCore(Ports& ports, const InstrumentMemory& memory) noexcept;
+  InstrumentCore(const InstrumentCore&) = delete;
+  InstrumentCore& operator=(const InstrumentCore&) = delete;
 
   /// Does what can be done now, a bounded piece: some requests, at most one wire frame of pixels.
   /// Kicks the watchdog. Worst case on the bus side: one Link::read, the Link::writes that the carrier
@@ -42,6 +71,8 @@ class Instrument {
   /// Of the run under way or the last one.
   [[nodiscard]] const protocol::RunReport& run_report() const noexcept { return acquisition_.report(); }
   [[nodiscard]] bool session_open() const noexcept { return dispatcher_.session_open(); }
+  /// Of this boot, for crash snapshots.
+  [[nodiscard]] std::uint32_t boot_count() const noexcept { return state_.boot_count(); }
 
  private:
   static constexpr std::size_t kReceiveBytes = 1024;
@@ -51,8 +82,7 @@ class Instrument {
   void handle(const protocol::ParseResult& result) noexcept;
 
   Ports& ports_;
-  std::array<std::byte, protocol::kMaxFrameBytes> decoder_bytes_{};
-  protocol::LinkDecoder decoder_{decoder_bytes_};
+  protocol::LinkDecoder decoder_;
   std::array<std::byte, kReceiveBytes> received_{};
   std::span<const std::byte> unread_;  // Of received_, not yet decoded.
   bool decoder_has_more_ = false;      // next() may give a frame without new bytes.
@@ -64,6 +94,12 @@ class Instrument {
   PersistentState state_;
   Acquisition acquisition_;
   Dispatcher dispatcher_;
+};
+
+/// With memory for the longest payload that any carrier has.
+class Instrument final : private InstrumentArrays<protocol::kMaxPayload>, public InstrumentCore {
+ public:
+  explicit Instrument(Ports& ports) noexcept : InstrumentCore(ports, memory()) {}
 };
 
 }  // namespace scatter::firmware

@@ -52,7 +52,7 @@ std::size_t LinkOutput::peek_length() const noexcept {
 }
 
 std::span<std::byte> LinkOutput::stream_slot() noexcept {
-  return stream_size_ == 0 ? std::span<std::byte>(stream_) : std::span<std::byte>();
+  return stream_size_ == 0 ? stream_ : std::span<std::byte>();
 }
 
 protocol::FrameHeader LinkOutput::stream_header() noexcept {

@@ -1,7 +1,7 @@
 // Bytes on their way to the host. Control and event frames overtake stream frames at frame boundaries;
 // a frame once begun is finished, however little the carrier takes at a time.
 //
-// RAM: kControlBytes + one stream frame. Not thread-safe. No call blocks.
+// RAM: kControlBytes + kMaxControlFrame; the stream frame is the caller's. Not thread-safe. No call blocks.
 #pragma once
 
 #include <array>
@@ -22,7 +22,9 @@ class LinkOutput {
   /// Largest control or event frame.
   static constexpr std::size_t kMaxControlFrame = 4608;
 
-  explicit LinkOutput(Link& link) noexcept : link_(link) {}
+  /// `stream` holds one stream frame of the carrier's longest payload and outlives this; empty where nothing
+  /// is streamed.
+  explicit LinkOutput(Link& link, std::span<std::byte> stream = {}) noexcept : link_(link), stream_(stream) {}
 
   /// The carrier closed: everything waiting is gone, a frame under way included.
   void clear() noexcept;
@@ -99,7 +101,7 @@ class LinkOutput {
   std::size_t first_ = 0;
   std::size_t used_ = 0;
   std::size_t control_left_ = 0;  // Bytes of the control frame under way.
-  alignas(8) std::array<std::byte, protocol::kMaxFrameBytes> stream_{};
+  std::span<std::byte> stream_;
   std::size_t stream_size_ = 0;
   std::size_t stream_sent_ = 0;
   std::array<std::byte, kMaxControlFrame> scratch_{};

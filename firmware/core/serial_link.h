@@ -1,5 +1,6 @@
-// A byte line (UART) as the Link that the core wants: whole frames in and out, with serial framing on the line
-// (protocol/serial.h). What the line loses or damages costs the frames it hits; the core never sees a part.
+// A byte line (UART) as the Link that the core wants: whole frames in and out, with serial framing on the
+// line (protocol/serial.h). What the line loses or damages costs the frames it hits; the core never sees a
+// part.
 #pragma once
 
 #include <array>
@@ -20,7 +21,8 @@ class SerialLink final : public Link {
   /// Bytes of whole intact frames, and of intact frames that this version refuses; a frame may come in pieces
   /// when `out` is short.
   [[nodiscard]] std::size_t read(std::span<std::byte> out) noexcept override;
-  /// Takes frames as a stream of bytes, cut anywhere. Bytes that are no frame are discarded up to the next one.
+  /// Takes frames as a stream of bytes, cut anywhere. Bytes that are no frame are discarded up to the next
+  /// one.
   [[nodiscard]] std::size_t write(std::span<const std::byte> bytes) noexcept override;
   [[nodiscard]] bool connected() noexcept override { return line_.connected(); }
   [[nodiscard]] std::uint32_t max_payload() noexcept override { return protocol::kMaxSerialPayload; }

@@ -1,4 +1,5 @@
 // The firmware's image: the instrument over this board's parts.
+#include <array>
 #include <cstddef>
 #include <new>
 #include <span>
@@ -35,6 +36,9 @@ namespace {
   return {frame, backplane::kFrameBytes};
 }
 
+// The longest wire frame on a serial line.
+constexpr std::size_t kWireFrameBytes = protocol::kFrameOverhead + protocol::kMaxSerialPayload;
+
 constinit SerialLink host_link{host_uart};
 constinit BackplaneLine bench_line{bench_uart};
 constinit FactoryMemory factory;
@@ -56,14 +60,20 @@ class Later {
 constinit Later<BenchOptics> optics_memory{};
 constinit Later<Slots> slots_memory{};
 constinit Later<Ports> ports_memory{};
-constinit Later<Instrument> instrument_memory{};
+constinit Later<InstrumentCore> instrument_memory{};
+
+// The core's memory for this carrier. Pixels on their way lie apart: the RAM budget counts them apart.
+constinit std::array<std::byte, kWireFrameBytes> decoder_bytes{};
+constinit std::array<std::byte, protocol::ReplyCache::kMaxSlots * kWireFrameBytes> reply_bytes{};
+[[gnu::section(".frame_bands")]] alignas(8) constinit std::array<std::byte, kWireFrameBytes> stream_bytes{};
+[[gnu::section(".frame_bands")]] constinit std::array<std::uint16_t, kMaxRowPixels> band_pixels{};
 
 }  // namespace
 }  // namespace scatter::firmware::mps2_an500
 
 void run_image() noexcept {
   namespace board = scatter::firmware::mps2_an500;
-  using scatter::firmware::Instrument;
+  using scatter::firmware::InstrumentCore;
   using scatter::firmware::Ports;
   using scatter::firmware::Step;
   board::start_devices();
@@ -73,8 +83,8 @@ void run_image() noexcept {
   board::thermometers.start();
   board::factory.start();
 
-  board::BenchOptics& optics = board::optics_memory.make(
-      board::bench_line, board::board_clock, board::factory.descriptor(), board::frame_memory());
+  board::BenchOptics& optics = board::optics_memory.make(board::bench_line, board::board_clock,
+                                                         board::factory.descriptor(), board::frame_memory());
   board::Slots& slots = board::slots_memory.make(board::running_slot());
   Ports& ports = board::ports_memory.make(
       Ports{.clock = board::board_clock,
@@ -91,7 +101,12 @@ void run_image() noexcept {
             .image_slots = board::image_verifier() != nullptr ? &slots : nullptr,
             .verifier = board::image_verifier(),
             .build_id = board::kFirmwareBuildId});
-  Instrument& instrument = board::instrument_memory.make(ports);
+  InstrumentCore& instrument = board::instrument_memory.make(
+      ports, scatter::firmware::InstrumentMemory{.decoder = board::decoder_bytes,
+                                                 .stream = board::stream_bytes,
+                                                 .replies = board::reply_bytes,
+                                                 .band = board::band_pixels});
+  board::name_running_image(board::kFirmwareBuildId, instrument.boot_count());
   optics.announce(board::reset_reason(), false);
   for (;;) {
     bool worked = optics.poll();

@@ -30,7 +30,8 @@ class BackplaneLine {
     return size && send(M::kKind, bytes, *size);
   }
 
-  /// The next whole message; none yet: nullopt. A message with a wrong length or check is skipped and counted.
+  /// The next whole message; none yet: nullopt. A message with a wrong length or check is skipped and
+  /// counted.
   [[nodiscard]] std::optional<Message> receive() noexcept;
   [[nodiscard]] std::uint32_t damaged() const noexcept { return damaged_; }
 

@@ -1,4 +1,5 @@
-// Sensor, LEDs, monitor and stage of a board that has none: the simulated bench on the backplane is all of them.
+// Sensor, LEDs, monitor and stage of a board that has none: the simulated bench on the backplane is all of
+// them.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +12,8 @@
 
 namespace scatter::firmware::mps2_an500 {
 
-/// Commands are checked here and sent; what the bench answers comes through poll(). A bench that does not answer
-/// leaves the state as it is: the core's own time limits name that.
+/// Commands are checked here and sent; what the bench answers comes through poll(). A bench that does not
+/// answer leaves the state as it is: the core's own time limits name that.
 ///
 /// A frame counts as ready when the bench says so AND exposure and readout have passed on the board's clock:
 /// the bench may be faster than light.

@@ -1,5 +1,5 @@
-// The board's watchdog (CMSDK APB watchdog). Its first timeout is an interrupt that records where the processor
-// was and resets; when even that does not work, the second timeout resets.
+// The board's watchdog (CMSDK APB watchdog). Its first timeout is an interrupt that records where the
+// processor was and resets; when even that does not work, the second timeout resets.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,8 @@ namespace scatter::firmware::mps2_an500 {
 
 class BoardWatchdog final : public Watchdog {
  public:
-  /// Ten times the main loop's longest rest: an emulated processor that has to wait for its host must not bite.
+  /// Ten times the main loop's longest rest: an emulated processor that has to wait for its host must not
+  /// bite.
   static constexpr std::uint32_t kTimeoutUs = 10'000'000;
 
   constexpr BoardWatchdog() noexcept = default;

@@ -26,7 +26,8 @@ constinit FactoryMemory factory;
 constinit Slots slots{ImageSlots::kCount};
 alignas(Rescue) constinit std::byte rescue_memory[sizeof(Rescue)]{};
 
-/// Hands the processor to the image in `slot`, as a reset would: its stack, its vectors, no interrupt waiting.
+/// Hands the processor to the image in `slot`, as a reset would: its stack, its vectors, no interrupt
+/// waiting.
 [[noreturn]] void start_image(std::uint8_t slot) noexcept {
   constexpr std::uint32_t kDisableAll = 0xE000'E180;
   constexpr std::uint32_t kUnpendAll = 0xE000'E280;
@@ -52,16 +53,16 @@ alignas(Rescue) constinit std::byte rescue_memory[sizeof(Rescue)]{};
   BoardWatchdog::start();
   name_running_image(kBootloaderBuildId, 0);
   BenchOptics optics(bench_line, board_clock, factory.descriptor(), {});
-  const RescuePorts ports{.clock = board_clock,
-                          .link = host_link,
-                          .watchdog = board_watchdog,
-                          .reset = board_reset,
-                          .slots = slots,
-                          .verifier = *image_verifier(),
-                          .product = factory.provisioned() ? factory.descriptor().product.str()
-                                                           : kBoardProduct,
-                          .serial = factory.descriptor().serial.str(),
-                          .build_id = kBootloaderBuildId};
+  const RescuePorts ports{
+      .clock = board_clock,
+      .link = host_link,
+      .watchdog = board_watchdog,
+      .reset = board_reset,
+      .slots = slots,
+      .verifier = *image_verifier(),
+      .product = factory.provisioned() ? factory.descriptor().product.str() : kBoardProduct,
+      .serial = factory.descriptor().serial.str(),
+      .build_id = kBootloaderBuildId};
   auto& rescue = *new (rescue_memory) Rescue(ports);
   optics.announce(reset_reason(), true);
   for (;;) {
@@ -85,9 +86,8 @@ void run_image() noexcept {
   using scatter::firmware::BootDecision;
   board::begin_boot();
   board::factory.start();
-  const std::string_view product = board::factory.provisioned()
-                                       ? board::factory.descriptor().product.str()
-                                       : board::kBoardProduct;
+  const std::string_view product =
+      board::factory.provisioned() ? board::factory.descriptor().product.str() : board::kBoardProduct;
   const BootDecision decision =
       scatter::firmware::decide(board::slots, *board::image_verifier(), product, board::reset_reason());
   if (decision.action == BootDecision::Action::kRun) {

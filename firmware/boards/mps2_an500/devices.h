@@ -18,7 +18,8 @@ extern constinit BoardWatchdog board_watchdog;
 /// Clock, crash snapshots, both lines and the alarm of sleep_until. The first thing in run_image().
 void start_devices() noexcept;
 
-/// Lets the host's line run dry, for at most 250 ms, then resets the system; the next boot reports kRequested.
+/// Lets the host's line run dry, for at most 250 ms, then resets the system; the next boot reports
+/// kRequested.
 [[noreturn]] void restart() noexcept;
 
 }  // namespace scatter::firmware::mps2_an500

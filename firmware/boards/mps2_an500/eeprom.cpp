@@ -9,8 +9,8 @@ namespace {
 
 constexpr std::uint8_t kAddress = 0x50;
 constexpr std::uint32_t kBytes = Eeprom::kUnitBytes * Eeprom::kUnits;
-// While the part writes a page it does not acknowledge; its data sheet says at most 5 ms. One poll is ten clocks of
-// at least 1 us each on any bus that the part takes.
+// While the part writes a page it does not acknowledge; its data sheet says at most 5 ms. One poll is ten
+// clocks of at least 1 us each on any bus that the part takes.
 constexpr int kPolls = 2000;
 
 [[nodiscard]] std::array<std::byte, 2> word_address(std::uint32_t offset) noexcept {

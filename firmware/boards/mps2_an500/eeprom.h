@@ -9,8 +9,8 @@
 namespace scatter::firmware::mps2_an500 {
 
 /// Program granule = the part's page of 64 bytes, which one transfer writes. An erase writes 0xFF pages. A
-/// missing or failing part makes every operation return false. Calls block: about 0.1 ms a page on an emulated
-/// board, up to 5 ms on a real part (its write time).
+/// missing or failing part makes every operation return false. Calls block: about 0.1 ms a page on an
+/// emulated board, up to 5 ms on a real part (its write time).
 class Eeprom final : public Flash {
  public:
   static constexpr std::uint32_t kPageBytes = 64;

@@ -14,9 +14,9 @@ namespace scatter::firmware::mps2_an500 {
 /// Product that images of this board are signed for while no factory set says otherwise.
 inline constexpr std::string_view kBoardProduct = "OpenScatter HS-1 (simulated)";
 
-/// Without a whole factory set the board is "unprovisioned": it starts and answers, so that a host can see what
-/// is wrong (the serial number says it), but it has a sensor of one pixel and no illumination, so that no
-/// measurement can be configured, and takes no update, since no image is signed for that product.
+/// Without a whole factory set the board is "unprovisioned": it starts and answers, so that a host can see
+/// what is wrong (the serial number says it), but it has a sensor of one pixel and no illumination, so that
+/// no measurement can be configured, and takes no update, since no image is signed for that product.
 class FactoryMemory final : public Factory {
  public:
   constexpr FactoryMemory() noexcept = default;

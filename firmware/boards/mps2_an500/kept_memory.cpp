@@ -79,8 +79,9 @@ void begin_boot() noexcept {
   if (!kept_on) {
     std::memset(&kept, 0, sizeof(kept));  // Power-on: what the cells hold is chance.
   }
-  write_note(kept_on ? static_cast<protocol::ResetReason>(kept.note.why_next) : protocol::ResetReason::kPowerOn,
-             protocol::ResetReason::kWatchdog);
+  write_note(
+      kept_on ? static_cast<protocol::ResetReason>(kept.note.why_next) : protocol::ResetReason::kPowerOn,
+      protocol::ResetReason::kWatchdog);
 }
 
 protocol::ResetReason reset_reason() noexcept {
@@ -138,7 +139,8 @@ protocol::FaultRecord last_crash() noexcept {
   record.fault_status = s.fault_status;
   record.hard_fault_status = s.hard_fault_status;
   record.fault_address = s.fault_address;
-  record.build_id = std::string_view(s.build_id.data(), std::min<std::size_t>(s.build_id_bytes, s.build_id.size()));
+  record.build_id =
+      std::string_view(s.build_id.data(), std::min<std::size_t>(s.build_id_bytes, s.build_id.size()));
   return record;
 }
 

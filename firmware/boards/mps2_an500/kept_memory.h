@@ -1,5 +1,6 @@
-// What survives a reset but not a loss of power: why the board was reset, and the snapshot of the last crash. It
-// lies at a fixed place that no image's data covers, so that bootloader and firmware of any version share it.
+// What survives a reset but not a loss of power: why the board was reset, and the snapshot of the last crash.
+// It lies at a fixed place that no image's data covers, so that bootloader and firmware of any version share
+// it.
 #pragma once
 
 #include <cstdint>

@@ -33,7 +33,8 @@ constexpr std::uint32_t kNormal = 3U << 16U;
 constexpr std::uint32_t kSharedNormal = kNormal | 1U << 18U;
 
 /// `bytes` is a power of two, at least 32, and `base` a multiple of it.
-void region(std::uint32_t number, std::uint32_t base, std::uint32_t bytes, std::uint32_t attributes) noexcept {
+void region(std::uint32_t number, std::uint32_t base, std::uint32_t bytes,
+            std::uint32_t attributes) noexcept {
   write_register(kNumber, number);
   write_register(kBase, base);
   const auto exponent = static_cast<std::uint32_t>(std::countr_zero(bytes)) - 1U;
@@ -54,7 +55,8 @@ void protect_memory() noexcept {
   region(0, 0, kBootBytes, kReadOnly | kNormal | (from_slot ? kNoExecute : 0));
   region(1, kRam, kRamBytes, kReadWrite | kNoExecute | kNormal);
   region(2, reinterpret_cast<std::uintptr_t>(__stack_guard), kGuardBytes, kNoAccess | kNoExecute | kNormal);
-  region(3, shared::kSharedMemoryAddress, shared::kSharedMemoryBytes, kReadWrite | kNoExecute | kSharedNormal);
+  region(3, shared::kSharedMemoryAddress, shared::kSharedMemoryBytes,
+         kReadWrite | kNoExecute | kSharedNormal);
   region(4, shared::kSharedMemoryAddress + shared::kFactoryOffset, shared::kFactoryBytes,
          kReadOnly | kNoExecute | kSharedNormal);
   if (from_slot) {

@@ -1,4 +1,5 @@
-// Memory-mapped registers and where the parts of the AN500 board lie (Arm DAI 0500, "Application Note AN500").
+// Memory-mapped registers and where the parts of the AN500 board lie (Arm DAI 0500, "Application Note
+// AN500").
 #pragma once
 
 #include <cstdint>

@@ -10,8 +10,8 @@
 
 namespace scatter::firmware::mps2_an500 {
 
-/// Programs by clearing bits only, erases to 0xFF. Refuses to erase, and to program but the marks of, the slot
-/// that runs: the memory protection would turn that into a crash.
+/// Programs by clearing bits only, erases to 0xFF. Refuses to erase, and to program but the marks of, the
+/// slot that runs: the memory protection would turn that into a crash.
 class SlotMemory final : public Flash {
  public:
   constexpr SlotMemory(std::uint32_t address, bool runs) noexcept : address_(address), runs_(runs) {}

@@ -49,8 +49,8 @@ struct VectorTable {
 // watchdog's first timeout, 3..6 are the faults.
 [[gnu::section(".vectors"), gnu::used]] constinit const VectorTable vector_table{
     __stack_top,
-    {reset_handler, crash_entry, crash_entry, crash_entry, crash_entry, crash_entry, nullptr, nullptr, nullptr,
-     nullptr, crash_entry, crash_entry, nullptr, crash_entry, crash_entry},
+    {reset_handler, crash_entry, crash_entry, crash_entry, crash_entry, crash_entry, nullptr, nullptr,
+     nullptr, nullptr, crash_entry, crash_entry, nullptr, crash_entry, crash_entry},
     one_for_all(interrupt_entry)};
 
 void set_handler(std::uint32_t irq, InterruptHandler handler) noexcept {
@@ -118,7 +118,8 @@ void crash(const std::uint32_t* stack, std::uint32_t exception_return) noexcept 
   } else if ((state.fault_status & kBusAddressValid) != 0) {
     state.fault_address = board::read_register(0xE000'ED38);
   }
-  // A frame that could not be pushed must not be read: there is none, and reading the guard is the next fault.
+  // A frame that could not be pushed must not be read: there is none, and reading the guard is the next
+  // fault.
   const auto at = reinterpret_cast<std::uintptr_t>(stack);
   const auto lowest = reinterpret_cast<std::uintptr_t>(__stack_guard) + kStackGuardBytes;
   const auto highest = reinterpret_cast<std::uintptr_t>(__stack_top);

@@ -1,6 +1,6 @@
 // A serial line of the board (CMSDK APB UART): interrupts move bytes between the line and two rings, the main
-// loop works on the rings. When the receive ring is full the line is left alone until there is room: an emulated
-// line then waits, a real one would lose bytes (which serial framing survives).
+// loop works on the rings. When the receive ring is full the line is left alone until there is room: an
+// emulated line then waits, a real one would lose bytes (which serial framing survives).
 #pragma once
 
 #include <atomic>
@@ -15,8 +15,8 @@ namespace scatter::firmware::mps2_an500 {
 
 /// Whether a received byte wakes the main loop at once.
 enum class Wake : std::uint8_t {
-  kEachByte,     ///< Short messages.
-  kEndOfFrame,   ///< A zero (the end of a serial frame) or a ring half full.
+  kEachByte,    ///< Short messages.
+  kEndOfFrame,  ///< A zero (the end of a serial frame) or a ring half full.
 };
 
 /// A UART has no carrier detect: connected() is always true.
