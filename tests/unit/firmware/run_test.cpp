@@ -1,3 +1,4 @@
+#include <array>
 #include <catch2/catch.hpp>
 
 #include "tests/unit/firmware/fake_host.h"
@@ -362,7 +363,8 @@ TEST_CASE("Control replies overtake stream data at frame boundaries") {
 TEST_CASE("A control frame goes before a stream frame that was submitted earlier but not begun") {
   FakeLink link;
   link.capacity = 0;
-  LinkOutput output(link);
+  std::array<std::byte, kMaxFrameBytes> stream{};
+  LinkOutput output(link, stream);
   const std::span<std::byte> slot = output.stream_slot();
   output.submit_stream(write_message(slot, output.stream_header(), FrameEnd{}));
   CHECK(!output.pump());
