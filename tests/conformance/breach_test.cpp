@@ -18,7 +18,8 @@ using Frames = std::vector<Passing>;
 struct Breach {
   std::string_view check;
   std::string_view what;
-  /// Made anew for each connection. `memory` outlives connections: what a broken device remembers.
+  /// Made anew for each connection (the first one asks for the descriptor, before any check). `memory`
+  /// outlives connections: what a broken device remembers.
   std::function<Tampering(std::map<std::string, std::uint64_t>& memory)> device;
   std::string_view query = "seed=3";
 };

@@ -100,7 +100,7 @@ Result<Report> run(const Options& options) {
   }
   Subject subject(options);
   // Whoever cannot be reached at all is not a device that fails.
-  if (const auto reached = subject.descriptor(); !reached && options.only.empty()) {
+  if (const auto reached = subject.descriptor(); !reached) {
     const ErrorCode code = reached.error().code;
     if (code != ErrorCode::kDataLoss && code != ErrorCode::kDeadlineExceeded &&
         code != ErrorCode::kVersionMismatch) {
