@@ -35,18 +35,20 @@ std::optional<UpdateAnswer> UpdateReceiver::poll() noexcept {
   return answer;
 }
 
-/// Looks for the unit that holds the last programmed granule, from the back; cells that cannot be read count
-/// as programmed. That unit and the next may hold what a power cut left half-done.
+/// Looks from the back for the last unit that holds something and can be read. It and whatever lies behind it
+/// may be what a power cut left half-done; a unit that cannot be read may have been blank before, so it
+/// proves nothing about those in front of it.
 void UpdateReceiver::find_end_step() noexcept {
   const Flash::Geometry geometry = views_[target_].layout.flash;
   const std::uint32_t unit = --next_unit_;
-  if (unit > 0 && unit_erased(slots_.slot(target_), unit, geometry.unit_bytes)) {
-    return;
+  const Content content = content_of(slots_.slot(target_), unit, geometry.unit_bytes);
+  if (content != Content::kErased && end_unit_ == 0) {
+    end_unit_ = std::min(unit + 2, geometry.units - 1);
   }
   if (unit == 0) {  // The first unit holds the header and cannot be kept without it.
     start_erase(0, geometry.units - 1);
-  } else {
-    start_erase(unit, std::min(unit + 2, geometry.units - 1));
+  } else if (content == Content::kProgrammed) {
+    start_erase(unit, end_unit_);
   }
 }
 
@@ -71,7 +73,7 @@ std::optional<UpdateAnswer> UpdateReceiver::erase_step() noexcept {
     }
     unit = --next_unit_;
   }
-  if (!flash.erase(unit) || !unit_erased(flash, unit, geometry.unit_bytes)) {
+  if (!flash.erase(unit) || content_of(flash, unit, geometry.unit_bytes) != Content::kErased) {
     return Answer{StatusCode::kDataLoss, Text("flash unit ") << unit << " of slot " << target_
                                                              << " cannot be erased: it is worn out"};
   }
@@ -123,17 +125,21 @@ std::optional<UpdateAnswer> UpdateReceiver::inspect_step() noexcept {
   return Answer{.status = StatusCode::kOk, .text = {}, .with_state = true};
 }
 
-bool UpdateReceiver::unit_erased(Flash& flash, std::uint32_t unit, std::uint32_t unit_bytes) noexcept {
+UpdateReceiver::Content UpdateReceiver::content_of(Flash& flash, std::uint32_t unit,
+                                                   std::uint32_t unit_bytes) noexcept {
+  Content content = Content::kErased;
   for (std::uint32_t done = 0; done < unit_bytes;) {
     const std::uint32_t size = std::min(unit_bytes - done, kReadBytes);
     const std::span<std::byte> bytes = std::span(buffer_).first(size);
-    if (!flash.read(unit * unit_bytes + done, bytes) ||
-        !std::ranges::all_of(bytes, [](std::byte b) { return b == std::byte{0xFF}; })) {
-      return false;
+    if (!flash.read(unit * unit_bytes + done, bytes)) {
+      return Content::kUnreadable;
+    }
+    if (!std::ranges::all_of(bytes, [](std::byte b) { return b == std::byte{0xFF}; })) {
+      content = Content::kProgrammed;
     }
     done += size;
   }
-  return true;
+  return content;
 }
 
 bool UpdateReceiver::same_bytes(Flash& flash, std::uint32_t offset,

@@ -141,6 +141,7 @@ UpdateAnswer UpdateReceiver::begin(const protocol::UpdateBegin& message) noexcep
   body_checked_[target] = false;
   if (same && views_[target].verdict == SlotVerdict::kReceiving) {
     job_ = Job::kFindEnd;
+    end_unit_ = 0;
     next_unit_ = (protocol::kImageBodyOffset + body_bytes_ - 1) / layout.flash.unit_bytes + 1;
   } else {
     start_erase(0, layout.flash.units - 1);
@@ -176,21 +177,37 @@ UpdateAnswer UpdateReceiver::write(const protocol::UpdateWrite& message) noexcep
     return {StatusCode::kInvalidArgument, Text("chunk has ") << size << " bytes, expected a multiple of "
                                                              << granule << " up to " << kMaxChunk};
   }
-  const std::uint32_t whole = size / granule * granule;
-  bool good = whole == 0 || flash.program(at, message.data.first(whole));
-  if (whole < size) {
-    std::array<std::byte, 64> rest;
-    rest.fill(std::byte{0xFF});
-    std::ranges::copy(message.data.subspan(whole), rest.begin());
-    good = good && flash.program(at + whole, std::span<const std::byte>(rest).first(granule));
-  }
-  if (!good || !same_bytes(flash, at, message.data)) {
+  if (!program(flash, at, message.data) || !same_bytes(flash, at, message.data)) {
     target_ = ImageSlots::kCount;  // Cells that were touched must not be programmed again.
     return {StatusCode::kDataLoss, Text("flash did not take the bytes at ")
                                        << message.offset << ": begin again"};
   }
   received_ += size;
   return {};
+}
+
+// Unit by unit: what a power cut leaves half-done then lies in one unit, the last one that looks programmed
+// or the one behind it. The last granule is filled up with erased bytes.
+bool UpdateReceiver::program(Flash& flash, std::uint32_t offset, std::span<const std::byte> bytes) noexcept {
+  const Flash::Geometry geometry = flash.geometry();
+  while (!bytes.empty()) {
+    const std::size_t in_unit = geometry.unit_bytes - offset % geometry.unit_bytes;
+    const std::size_t here = std::min(bytes.size(), in_unit);
+    const std::size_t whole = here / geometry.program_bytes * geometry.program_bytes;
+    if (whole > 0 && !flash.program(offset, bytes.first(whole))) {
+      return false;
+    }
+    if (whole < here) {
+      std::array<std::byte, 64> rest;
+      rest.fill(std::byte{0xFF});
+      std::ranges::copy(bytes.subspan(whole), rest.begin());
+      return flash.program(offset + static_cast<std::uint32_t>(whole),
+                           std::span<const std::byte>(rest).first(geometry.program_bytes));
+    }
+    bytes = bytes.subspan(here);
+    offset += static_cast<std::uint32_t>(here);
+  }
+  return true;
 }
 
 UpdateAnswer UpdateReceiver::finish() noexcept {

@@ -68,6 +68,7 @@ class UpdateReceiver {
 
  private:
   enum class Job : std::uint8_t { kNone, kFindEnd, kErase, kFinish, kInspect };
+  enum class Content : std::uint8_t { kErased, kProgrammed, kUnreadable };
   using Answer = UpdateAnswer;
   static constexpr std::uint32_t kReadBytes = 512;
 
@@ -81,7 +82,9 @@ class UpdateReceiver {
   [[nodiscard]] std::optional<Answer> write_header() noexcept;
   [[nodiscard]] std::optional<Answer> finish_step() noexcept;
   [[nodiscard]] std::optional<Answer> inspect_step() noexcept;
-  [[nodiscard]] bool unit_erased(Flash& flash, std::uint32_t unit, std::uint32_t unit_bytes) noexcept;
+  [[nodiscard]] Content content_of(Flash& flash, std::uint32_t unit, std::uint32_t unit_bytes) noexcept;
+  [[nodiscard]] static bool program(Flash& flash, std::uint32_t offset,
+                                    std::span<const std::byte> bytes) noexcept;
   [[nodiscard]] bool same_bytes(Flash& flash, std::uint32_t offset,
                                 std::span<const std::byte> bytes) noexcept;
   void fill_state(std::uint32_t max_payload) noexcept;
@@ -101,6 +104,7 @@ class UpdateReceiver {
   std::uint32_t received_ = 0;   // Of the body, from its start.
   std::uint32_t next_unit_ = 0;  // kFindEnd, kErase: counts down, to keep_units_ when erasing.
   std::uint32_t keep_units_ = 0;
+  std::uint32_t end_unit_ = 0;  // kFindEnd: behind all that may be half-done; 0 = nothing found yet.
   bool marks_erased_ = false;
   std::uint32_t max_payload_ = protocol::kMaxPayload;
   BodyCheck body_;

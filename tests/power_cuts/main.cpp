@@ -111,6 +111,7 @@ int main(int argc, char** argv) {
   }
   Scenarios scenarios;
   add_calibration_cuts(scenarios);
+  add_update_cuts(scenarios);
   if (options.list) {
     for (const auto& scenario : scenarios) {
       fmt::print("{}\n", scenario->name());

@@ -51,5 +51,6 @@ using Scenarios = std::vector<std::unique_ptr<Scenario>>;
 
 /// Each group adds its scenarios; main.cpp calls them all.
 void add_calibration_cuts(Scenarios& scenarios);
+void add_update_cuts(Scenarios& scenarios);
 
 }  // namespace scatter::power_cuts
