@@ -2,7 +2,7 @@
 // time, a host that does not read, unplugging, new sessions, sensor faults. After every poll:
 // - the ledger of the run adds up: exposed = lost + sent + at most one frame in hand;
 // - an idle instrument is dark and its sensor released;
-// - flash is never programmed over what was written.
+// - flash is never programmed over what was written, and the slot of the running image is not touched.
 // What the device sends is always whole frames. No request gets a second final reply; where nothing
 // disturbed the session each one gets exactly one.
 #include <cstdint>
@@ -14,6 +14,7 @@
 
 #include "firmware/core/instrument.h"
 #include "tests/unit/firmware/fake_board.h"
+#include "tests/unit/firmware/test_images.h"
 
 namespace {
 
@@ -55,8 +56,22 @@ class Input {
 
 class Session {
  public:
-  Session() : ports_(board_.ports()), instrument_(std::make_unique<Instrument>(ports_)) {
+  Session() : ports_(board_.ports()) {
     board_.link.capacity = 6'000;
+    slots_.supply.power_on();
+    slots_.install(running_image(), {{MarkKind::kConfirmed, 1}});
+    slots_.runs = 0;
+    ports_.image_slots = &slots_;
+    ports_.verifier = &verifier_;
+    instrument_ = std::make_unique<Instrument>(ports_);
+  }
+  static const Image& running_image() {
+    static const Image image = make_image({.version = "1.0.0", .slot = 0, .body_bytes = 700});
+    return image;
+  }
+  static const Image& new_image() {
+    static const Image image = make_image({.version = "2.0.0", .slot = 1, .body_bytes = 5000});
+    return image;
   }
   explicit Session(bool with_stage) : Session() {
     board_.with_stage = with_stage;
@@ -155,6 +170,8 @@ class Session {
     require(r.ledger.exposed >= known && r.ledger.exposed - known <= (idle ? 0U : 1U), "the ledger adds up");
     require(!idle || (board_.optics.lit == Illuminator::kNone && !board_.optics.busy), "idle is dark");
     require(board_.flash.violations == 0, "flash is programmed once");
+    require(slots_.violations() == 0, "slots are programmed once");
+    require(slots_.parts[0].erases(0) == 1, "the running image is not erased");
     require(step_.did_work || step_.wake_at_us <= board_.clock.time_us + kLongestSleepUs, "wakes in time");
   }
   bool take() {
@@ -177,6 +194,8 @@ class Session {
   }
 
   FakeBoard board_;
+  TestSlots slots_;
+  RememberingVerifier verifier_;
   Ports ports_;
   std::unique_ptr<Instrument> instrument_;
   std::vector<std::byte> buffer_ = std::vector<std::byte>(kMaxFrameBytes);
@@ -218,12 +237,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   session.hello();
   session.poll(4);
   while (!input.empty()) {
-    switch (input.byte() % 12) {
+    switch (input.byte() % 15) {
       case 0:
         session.raw(input.some(input.byte()));
         break;
       case 1: {
-        const std::uint16_t id = input.byte() % 32;
+        const std::uint16_t id = input.byte() % 32;  // Update and fault record requests among them.
         session.request(id, input.some(input.byte()));
         break;
       }
@@ -255,6 +274,31 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         break;
       case 10:
         session.hello();
+        break;
+      case 12: {
+        UpdateBegin begin;
+        for (std::size_t i = 0; i < begin.header.size(); ++i) {
+          begin.header[i] = static_cast<std::uint8_t>(Session::new_image().header_bytes[i]);
+        }
+        if (input.byte() % 4 == 0) {
+          begin.header[input.byte()] ^= input.byte();
+        }
+        session.request(begin);
+        session.poll(input.byte() % 8);
+        break;
+      }
+      case 13: {
+        UpdateWrite write;
+        const std::uint32_t chunks = input.byte() % 8;
+        write.offset = input.byte() % 8 * 960;
+        const std::span<const std::byte> body(Session::new_image().body);
+        const std::uint32_t left = write.offset < 5000 ? 5000 - write.offset : 0;
+        write.data = left > 0 ? body.subspan(write.offset, std::min(left, chunks * 960)) : body.first(7);
+        session.request(write);
+        break;
+      }
+      case 14:
+        input.byte() % 2 == 0 ? session.request(UpdateFinish{}) : session.request(UpdateStatus{});
         break;
       case 11:
         session.board().optics.fail_reads = input.byte() % 5;
