@@ -53,9 +53,14 @@ void CalibrationStore::clear() noexcept {
 protocol::CalibrationListed CalibrationStore::list() const noexcept {
   protocol::CalibrationListed listed;
   each([&listed](const CalibrationManifest& manifest) { listed.manifests.push_back(manifest); });
-  std::sort(
-      listed.manifests.begin(), listed.manifests.end(),
-      [](const CalibrationManifest& a, const CalibrationManifest& b) { return a.sequence > b.sequence; });
+  // Latest first. By insertion: std::sort recurses, which a small stack forbids.
+  const auto later = [](const CalibrationManifest& a, const CalibrationManifest& b) {
+    return a.sequence > b.sequence;
+  };
+  const auto first = listed.manifests.begin();
+  for (auto next = first; next != listed.manifests.end(); ++next) {
+    std::rotate(std::upper_bound(first, next, *next, later), next, next + 1);
+  }
   return listed;
 }
 

@@ -272,8 +272,12 @@ void ExposurePlanner::record_lost(std::uint32_t took_us) noexcept {
 }
 
 void ExposurePlanner::end_illumination() noexcept {
-  std::sort(taken_.begin(), taken_.end(),
-            [](const Taken& a, const Taken& b) { return a.exposure_us > b.exposure_us; });
+  // Longest first. By insertion: the few there are need no more, and std::sort recurses, which a small stack
+  // forbids.
+  const auto longer = [](const Taken& a, const Taken& b) { return a.exposure_us > b.exposure_us; };
+  for (auto next = taken_.begin(); next != taken_.end(); ++next) {
+    std::rotate(std::upper_bound(taken_.begin(), next, *next, longer), next, next + 1);
+  }
   Exposures& kept = kept_[position_];
   kept.clear();
   for (std::size_t i = 0; i < taken_.size(); ++i) {
