@@ -199,9 +199,7 @@ Status Session::exchange(MessageId id, std::string_view name, std::size_t payloa
       return give_up(version_error("hello"));
     }
     if (replied_) {
-      const auto status = reply_id_ == MessageId::kStatusReply
-                              ? protocol::decode<protocol::StatusReply>(std::span<const std::byte>(reply_))
-                              : std::nullopt;
+      const auto status = held_status();
       if (!status || status->status != StatusCode::kPending) {
         waiting_for_ = 0;
         return settle(name, expected);
@@ -299,13 +297,26 @@ void Session::on_frame(const protocol::Frame& frame) {
   }
 }
 
+std::optional<protocol::StatusReply> Session::held_status() const {
+  return reply_id_ == MessageId::kStatusReply
+             ? protocol::decode<protocol::StatusReply>(std::span<const std::byte>(reply_))
+             : std::nullopt;
+}
+
+bool Session::holds_pending() const {
+  const auto status = held_status();
+  return status && status->status == StatusCode::kPending;
+}
+
 void Session::on_control(const protocol::Frame& frame) {
   const protocol::FrameHeader& header = frame.header();
   if (reply_sink_ != nullptr && reply_sink_->on_reply(frame)) {
     return;
   }
   const bool refused_unasked = saying_hello_ && header.correlation == 0;
-  if (waiting_for_ == 0 || replied_ || (header.correlation != waiting_for_ && !refused_unasked)) {
+  // The reply may come in the same read as the PENDING before it.
+  const bool answered = replied_ && !holds_pending();
+  if (waiting_for_ == 0 || answered || (header.correlation != waiting_for_ && !refused_unasked)) {
     ++stale_;  // A repeated or late reply.
     return;
   }

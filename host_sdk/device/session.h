@@ -135,6 +135,9 @@ class Session {
   [[nodiscard]] static std::unexpected<Error> malformed(std::string_view request);
   [[nodiscard]] protocol::FrameHeader next_header(protocol::Channel channel,
                                                   std::uint16_t correlation) noexcept;
+  /// The status in reply_; nullopt when it is another message or unreadable.
+  [[nodiscard]] std::optional<protocol::StatusReply> held_status() const;
+  [[nodiscard]] bool holds_pending() const;
   void on_frame(const protocol::Frame& frame);
   void on_control(const protocol::Frame& frame);
   void on_event(const protocol::Frame& frame);

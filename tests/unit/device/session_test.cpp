@@ -107,6 +107,25 @@ TEST_CASE("PENDING keeps the request waiting until its reply comes, executed onc
   CHECK(pair.device->executed[MessageId::kCalibrationStep] == 1);
 }
 
+TEST_CASE("A reply that arrives together with its PENDING is taken at once") {
+  Pair pair = open_pair();
+  REQUIRE(pair.host);
+  Bytes together;
+  pair.device->script.request = [&](const protocol::Frame& frame) {
+    pair.device->answer_status(frame.header(), StatusCode::kPending, "", 5000);
+    pair.device->answer_status(frame.header(), StatusCode::kOk);
+    return true;
+  };
+  pair.device->script.outgoing = [&](const protocol::FrameHeader&, const Bytes& bytes) -> std::vector<Bytes> {
+    const bool first = together.empty();
+    together.insert(together.end(), bytes.begin(), bytes.end());
+    return first ? std::vector<Bytes>() : std::vector<Bytes>{std::exchange(together, {})};
+  };
+  const TimePoint before = pair.host->now();
+  REQUIRE(pair.host->calibration_restore_factory());
+  CHECK(pair.host->now() - before < std::chrono::milliseconds(1));
+}
+
 TEST_CASE("PENDING for ever ends at the caller's deadline") {
   Pair pair = open_pair();
   REQUIRE(pair.host);
