@@ -18,6 +18,8 @@ using RealClock = std::chrono::steady_clock;
 /// Attempts in a row that brought no byte across before the last error is the answer.
 constexpr int kFruitlessAttempts = 4;
 constexpr auto kBetweenOpenings = std::chrono::milliseconds(100);
+/// A relay may hold the connection that we closed for a moment longer; after this it is another host.
+constexpr auto kOwnShadow = std::chrono::seconds(5);
 constexpr Duration kOneOpening = std::chrono::seconds(5);
 constexpr std::uint16_t kSelfTestFrames = 1;
 constexpr int kSelfTests = 5;
@@ -95,7 +97,8 @@ class Update {
   /// Opens the device again and again until `good` says that it is the one waited for.
   template <typename Good>
   Status reconnect(Good good) {
-    const auto end = RealClock::now() + options_.restart;
+    const auto begin = RealClock::now();
+    const auto end = begin + options_.restart;
     for (;;) {
       const Status opened = connect();
       if (opened && good(*device_)) {
@@ -105,7 +108,8 @@ class Update {
         return fail(ErrorCode::kAborted, "stopped while the instrument was away",
                     "run the same command again: it goes on from here");
       }
-      if (!opened && opened.error().code == ErrorCode::kBusy) {
+      const bool busy = !opened && opened.error().code == ErrorCode::kBusy;
+      if (busy && RealClock::now() >= begin + kOwnShadow) {
         return opened;
       }
       if (RealClock::now() >= end) {

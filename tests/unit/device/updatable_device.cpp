@@ -16,6 +16,10 @@ using protocol::UpdatePhase;
 OpenDevice UpdatableDevice::opener() {
   return [this](const Wait& wait) -> Result<Device> {
     ++openings;
+    if (restarted_ && busy_openings > 0) {
+      --busy_openings;
+      return fail(ErrorCode::kBusy, "held by \"scatter\"", "close the other program that holds the device");
+    }
     if (gone_) {
       return fail(ErrorCode::kDisconnected, "nobody answers", "plug it in");
     }
@@ -103,6 +107,7 @@ void UpdatableDevice::restart() {
   ++boot_count;
   reset_reason = protocol::ResetReason::kRequested;
   gone_ = stays_away;
+  restarted_ = true;
   if (slots[running].verdict == SlotVerdict::kTrial) {
     slots[running].verdict = SlotVerdict::kReverted;
     running = 1 - running;

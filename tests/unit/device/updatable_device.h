@@ -45,6 +45,7 @@ class UpdatableDevice {
   std::optional<int> lose_write;           ///< The nth write that arrives is lost, once.
   bool new_firmware_crashes = false;
   std::uint32_t pattern_error = 0;  ///< Of the new firmware's self test.
+  int busy_openings = 0;            ///< So many openings after the restart find it held.
   bool stays_away = false;          ///< Does not come back after a restart.
   bool finds_damage = false;        ///< update_finish says DATA_LOSS.
   Duration reply_delay{};           ///< Of update_write.
@@ -63,6 +64,7 @@ class UpdatableDevice {
 
   int writes_heard_ = 0;
   bool gone_ = false;
+  bool restarted_ = false;
   std::optional<TimePoint> first_write_;
 };
 

@@ -241,6 +241,14 @@ TEST_CASE("A device that does not come back is an error in time, and says what t
   CHECK_THAT(report.error().remedy, Catch::Contains("run the same command again"));
 }
 
+TEST_CASE("A relay that still holds the connection of before the restart is waited for") {
+  UpdatableDevice device = old_device();
+  device.busy_openings = 1;
+  const auto report = update_firmware(device.opener(), new_firmware(), options());
+  REQUIRE(report);
+  CHECK(report->outcome == UpdateOutcome::kConfirmed);
+}
+
 TEST_CASE("An update left on trial is confirmed by the same call without sending it again") {
   UpdatableDevice device = old_device();
   const auto package = new_firmware();
