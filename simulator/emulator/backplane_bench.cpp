@@ -42,6 +42,12 @@ void BackplaneBench::warm_up() {
   }
 }
 
+void BackplaneBench::put(std::shared_ptr<const Sample> sample) {
+  board_.bench().put(std::move(sample));
+  board_.camera().sample_placed();
+  warm_up();
+}
+
 BackplaneBench::Clock::time_point BackplaneBench::after(Clock::time_point now,
                                                         std::uint64_t us) const noexcept {
   return pace_ == BenchPace::kReal ? now + std::chrono::microseconds(us) : now;

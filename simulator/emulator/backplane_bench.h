@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -68,6 +69,8 @@ class BackplaneBench {
   /// Bytes for the board; the caller takes them.
   [[nodiscard]] std::vector<std::byte>& to_board() noexcept { return to_board_; }
 
+  /// Puts another sample under the instrument, its light already integrated.
+  void put(std::shared_ptr<const Sample> sample);
   void conduct(const BenchConduct& conduct) noexcept { conduct_ = conduct; }
   /// Shows the thermometers what there is now. Errors: of show_temperatures.
   [[nodiscard]] Status show_temperatures();

@@ -92,6 +92,26 @@ void BenchService::conduct(const BenchConduct& conduct) {
   conduct_ = conduct;
 }
 
+void BenchService::put(std::shared_ptr<const Sample> sample) {
+  std::unique_lock lock(mutex_);
+  sample_ = std::move(sample);
+  signal(wake_);
+  settled_.wait(lock, [this] { return sample_ == nullptr || failure_.has_value(); });
+}
+
+/// What others have asked for in the meantime.
+void BenchService::settle() {
+  const std::scoped_lock lock(mutex_);
+  std::uint64_t count = 0;
+  (void)!::read(wake_.number(), &count, sizeof count);
+  bench_.conduct(conduct_);
+  if (sample_) {
+    bench_.put(std::move(sample_));
+    sample_ = nullptr;
+    settled_.notify_all();
+  }
+}
+
 Status BenchService::turn(BackplaneBench::Clock::time_point now) {
   std::array<std::byte, 1024> bytes;
   const ssize_t count = ::recv(line_.number(), bytes.data(), bytes.size(), MSG_DONTWAIT);
@@ -124,10 +144,7 @@ Status BenchService::loop(const std::stop_token& stop) {
     const short events = static_cast<short>(bench_.to_board().empty() ? POLLIN : POLLIN | POLLOUT);
     std::array<pollfd, 2> files{pollfd{wake_.number(), POLLIN, 0}, pollfd{line_.number(), events, 0}};
     (void)::poll(files.data(), files.size(), wait_ms(bench_.due()));
-    {
-      const std::scoped_lock lock(mutex_);
-      bench_.conduct(conduct_);
-    }
+    settle();
     if (Status done = turn(BackplaneBench::Clock::now()); !done) {
       return done;
     }
@@ -141,6 +158,7 @@ void BenchService::serve(const std::stop_token& stop) {
   if (Status done = loop(stop); !done) {
     const std::scoped_lock lock(mutex_);
     failure_ = std::move(done.error());
+    settled_.notify_all();
     signal(news_);
   }
 }

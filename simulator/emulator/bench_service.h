@@ -1,6 +1,7 @@
 // Runs the bench for an emulated board, in a thread of its own.
 #pragma once
 
+#include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -34,10 +35,13 @@ class BenchService {
   [[nodiscard]] std::optional<Error> failure() const;
   [[nodiscard]] BackplaneBench::Statistics statistics() const;
   void conduct(const BenchConduct& conduct);
+  /// Puts another sample there; done when it returns.
+  void put(std::shared_ptr<const Sample> sample);
 
  private:
   void serve(const std::stop_token& stop);
   [[nodiscard]] Status loop(const std::stop_token& stop);
+  void settle();
   [[nodiscard]] Status turn(BackplaneBench::Clock::time_point now);
 
   FileDescriptor news_;
@@ -50,6 +54,8 @@ class BenchService {
   std::optional<Error> failure_;
   BackplaneBench::Statistics statistics_;
   BenchConduct conduct_;
+  std::shared_ptr<const Sample> sample_;  ///< To be put there.
+  std::condition_variable settled_;       ///< sample_ is there, or the service has failed.
   std::jthread thread_;
 };
 

@@ -120,7 +120,10 @@ Result<std::unique_ptr<EmulatedBoard>> EmulatedBoard::start(const EmulatedBoardO
 }
 
 EmulatedBoard::EmulatedBoard(std::unique_ptr<VirtualBoard> board, BoardState state, QemuProcess process)
-    : board_(std::move(board)), state_(std::move(state)), process_(std::move(process)) {}
+    : board_(std::move(board)),
+      state_(std::move(state)),
+      process_(std::move(process)),
+      process_id_(process_.id()) {}
 
 EmulatedBoard::~EmulatedBoard() {
   bench_.reset();

@@ -1,6 +1,8 @@
 // The board mps2_an500 under QEMU with the optical bench: an instrument whose firmware runs on a Cortex-M7.
 #pragma once
 
+#include <sys/types.h>
+
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -8,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "host_sdk/error/error.h"
@@ -24,12 +27,12 @@ struct EmulatedBoardOptions {
   /// Sample, seed, profile, references, module, calibration=session|none, faults readout and led. Its clock
   /// says whether frames take their time (real) or come as soon as they are computed (virtual); the
   /// firmware's own clock always runs with the computer's.
-  InstrumentOptions instrument;
-  std::filesystem::path bootloader;  ///< ELF; see find_firmware().
-  std::filesystem::path firmware;    ///< .scfw that production puts into a fresh state; empty: none.
-  std::filesystem::path state;       ///< Folder that keeps memory and EEPROM; empty: forgotten at the end.
-  bool eeprom = true;                ///< False: the chip is missing.
-  bool factory_set = true;           ///< False: production forgot it.
+  InstrumentOptions instrument{};
+  std::filesystem::path bootloader{};  ///< ELF; see find_firmware().
+  std::filesystem::path firmware{};    ///< .scfw that production puts into a fresh state; empty: none.
+  std::filesystem::path state{};       ///< Folder that keeps memory and EEPROM; empty: forgotten at the end.
+  bool eeprom = true;                  ///< False: the chip is missing.
+  bool factory_set = true;             ///< False: production forgot it.
   BenchConduct conduct{};
 };
 
@@ -66,9 +69,13 @@ class EmulatedBoard final : public ServedDevice {
   void advance_to(std::uint64_t) override {}
   void add_waits(std::vector<pollfd>& files) override;
 
-  /// kill -9 of QEMU: the board loses its power now. The next run_ready() says that it is gone.
-  void cut_power() noexcept { process_.kill(); }
+  /// QEMU's process: SIGKILL is a power cut. From any thread.
+  [[nodiscard]] pid_t process_id() const noexcept { return process_id_; }
+  /// From any thread.
   void conduct(const BenchConduct& conduct) { bench_->conduct(conduct); }
+  /// Takes the sample away and puts another one there; done when it returns. From any thread, not while the
+  /// board measures.
+  void put(std::shared_ptr<const Sample> sample) { bench_->put(std::move(sample)); }
 
   struct Statistics {
     BackplaneBench::Statistics bench;
@@ -88,6 +95,7 @@ class EmulatedBoard final : public ServedDevice {
   std::unique_ptr<VirtualBoard> board_;
   BoardState state_;
   QemuProcess process_;
+  pid_t process_id_;
   std::unique_ptr<BenchService> bench_;
   SerialRelay relay_;
   bool bootloader_spoke_ = false;  ///< Of a start whose firmware has not spoken yet.
