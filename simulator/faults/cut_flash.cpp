@@ -98,13 +98,38 @@ void CutFlash::edit(std::uint32_t offset, std::size_t length, Change&& change) {
   }
 }
 
+template <typename Value>
+void CutFlash::set(std::uint32_t offset, std::size_t length, Value&& value) {
+  for (std::size_t done = 0; done < length;) {
+    const auto at = offset + static_cast<std::uint32_t>(done);
+    const std::uint32_t first = at % kPageBytes;
+    const std::size_t count = std::min<std::size_t>(length - done, kPageBytes - first);
+    Page& page = pages_[at / kPageBytes];
+    if (page.cells) {
+      edit(at, count, [&](Cell& one, std::size_t i) { one = {.value = value(done + i)}; });
+    } else {
+      auto sound = std::make_shared<Bytes>();
+      if (page.sound) {
+        *sound = *page.sound;
+      } else {
+        sound->fill(kErased);
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        (*sound)[first + i] = value(done + i);
+      }
+      page.sound = std::move(sound);
+    }
+    done += count;
+  }
+}
+
 void CutFlash::set_erased(std::uint32_t offset, std::uint32_t length) {
   while (length > 0) {
     const std::uint32_t count = std::min(length, kPageBytes - offset % kPageBytes);
     if (count == kPageBytes) {
       pages_[offset / kPageBytes] = {};
     } else {
-      edit(offset, count, [](Cell& cell, std::size_t) { cell = {}; });
+      set(offset, count, [](std::size_t) { return kErased; });
     }
     offset += count;
     length -= count;
@@ -202,7 +227,7 @@ bool CutFlash::program(std::uint32_t offset, std::span<const std::byte> bytes_to
     edit(offset, size, [](Cell& one, std::size_t) { one.state = CellState::kTrapping; });
     return false;
   }
-  edit(offset, size, [&](Cell& one, std::size_t i) { one = {.value = bytes_to_write[i]}; });
+  set(offset, size, [&](std::size_t i) { return bytes_to_write[i]; });
   return true;
 }
 
@@ -236,21 +261,19 @@ void CutFlash::break_program(std::uint32_t offset, std::span<const std::byte> wa
   switch (cut.kind) {
     case CutKind::kBefore:
       return;
-    case CutKind::kTornPrefix:
-    case CutKind::kHalfErased: {
+    case CutKind::kTornPrefix: {
       const std::size_t torn = wanted.empty() ? 0 : draw(cut.detail, 1) % wanted.size();
       const auto lacking = static_cast<std::byte>(draw(cut.detail, 2) & 0xFFU);
-      edit(offset, wanted.size(), [&](Cell& one, std::size_t i) {
-        if (i < torn) {
-          one = {.value = wanted[i]};
-        } else if (i == torn) {
-          one = {.value = wanted[i] | lacking};
-        }
-      });
+      set(offset, std::min(torn + 1, wanted.size()),
+          [&](std::size_t i) { return i < torn ? wanted[i] : wanted[i] | lacking; });
       return;
     }
+    case CutKind::kHalfErased:
+      set(offset, wanted.size(),
+          [&](std::size_t i) { return wanted[i] | static_cast<std::byte>(draw(cut.detail, 2, i) & 0xFFU); });
+      return;
     case CutKind::kAfter:
-      edit(offset, wanted.size(), [&](Cell& one, std::size_t i) { one = {.value = wanted[i]}; });
+      set(offset, wanted.size(), [&](std::size_t i) { return wanted[i]; });
       return;
     case CutKind::kUnstable:
     case CutKind::kTrap: {
@@ -314,7 +337,7 @@ void CutFlash::trap(std::uint32_t offset, std::uint32_t length) {
 }
 
 void CutFlash::overwrite(std::uint32_t offset, std::span<const std::byte> bytes_there) {
-  edit(offset, bytes_there.size(), [&](Cell& one, std::size_t i) { one = {.value = bytes_there[i]}; });
+  set(offset, bytes_there.size(), [&](std::size_t i) { return bytes_there[i]; });
 }
 
 }  // namespace scatter::simulator

@@ -18,7 +18,7 @@ enum class CutKind : std::uint8_t {
   kBefore,      ///< Nothing happened.
   kTornPrefix,  ///< Program: some first bytes are there, one byte lacks some of its bits. Erase: some first
                 ///< bytes.
-  kHalfErased,  ///< Erase: every cell is somewhere between old and erased. Program: as kTornPrefix.
+  kHalfErased,  ///< Every cell is somewhere between old and new, for good.
   kAfter,       ///< It was finished.
   kUnstable,    ///< The cells of the operation read as old or new: all old, all new, or each its own way,
                 ///< drawn again at each power-on.
@@ -122,6 +122,9 @@ class CutFlash final : public firmware::Flash {
   /// Calls change(cell, index in the range) for every cell of the range.
   template <typename Change>
   void edit(std::uint32_t offset, std::size_t length, Change&& change);
+  /// Sound cells with value(index in the range).
+  template <typename Value>
+  void set(std::uint32_t offset, std::size_t length, Value&& value);
   void set_erased(std::uint32_t offset, std::uint32_t length);
   /// True: go on. False: the power is gone, or goes now (`cut_now`).
   [[nodiscard]] bool begin_operation(bool& cut_now) noexcept;
