@@ -69,9 +69,10 @@ def slot_images(scfw):
 
 
 class Board:
-    """One QEMU. `slots`: bytes for slot 0 and 1; `shared` and `eeprom` may name files that outlive it."""
+    """One QEMU. `slots`: bytes for slot 0 and 1; `shared` and `eeprom` may name files that outlive it.
+    Without parts nothing is on the I2C bus."""
 
-    def __init__(self, kernel, slots=(), shared=None, eeprom=None, with_eeprom=True, options=()):
+    def __init__(self, kernel, slots=(), shared=None, eeprom=None, with_parts=True, options=()):
         self.folder = tempfile.TemporaryDirectory()
         self.shared = shared or os.path.join(self.folder.name, "shared")
         self.eeprom = eeprom or os.path.join(self.folder.name, "eeprom")
@@ -92,11 +93,12 @@ class Board:
                      "-kernel", kernel, "-semihosting-config", "enable=on,target=native"]
         for k, end in enumerate(remote):
             arguments += ["-chardev", f"socket,id=u{k},fd={end.fileno()}", "-serial", f"chardev:u{k}"]
-        if with_eeprom:
+        if with_parts:
             arguments += ["-drive", f"if=none,id=ee,format=raw,file={self.eeprom}", "-device",
-                          "at24c-eeprom,address=0x50,rom-size=32768,drive=ee"]
-        arguments += ["-device", "tmp105,address=0x48", "-device", "tmp105,address=0x49", *options]
-        self.process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          "at24c-eeprom,address=0x50,rom-size=32768,drive=ee",
+                          "-device", "tmp105,address=0x48", "-device", "tmp105,address=0x49"]
+        arguments += options
+        self.process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                         pass_fds=[end.fileno() for end in remote])
         for end in remote:
             end.close()
