@@ -44,8 +44,9 @@ Status RequestSeries::push(protocol::MessageId id, std::string_view name, std::v
   place = {.correlation = session_.next_correlation(),
            .payload = std::move(payload),
            .next_send = now,
+           .pushed = now,
            .give_up = now + patience_.timeout,
-           .spacing = kFirstRetry};
+           .spacing = std::clamp(3 * slowest_, kFirstRetry, kLongestRetry)};
   return wait_until_open(depth_);
 }
 
@@ -113,8 +114,12 @@ bool RequestSeries::on_reply(const protocol::Frame& frame) {
     return true;
   } else if (status->status != protocol::StatusCode::kOk) {
     failed_ = device_error(name_, *status);
-  } else if (done_) {
-    done_();
+  } else {
+    // What waits behind others on a slow link is not lost; repeating it would make the link slower still.
+    slowest_ = std::max(slowest_, session_.now() - place->pushed);
+    if (done_) {
+      done_();
+    }
   }
   place->correlation = 0;
   return true;

@@ -21,9 +21,9 @@ namespace scatter::device {
 
 /// Requests of one kind that a status answers, sent in order, each executed at most once.
 ///
-/// Repetitions come at the session's pace: 250 ms, then twice as long each time up to 2 s, and 2 s after
-/// PENDING. No request but those of the series may be sent while it lives.
-/// Threads  the session's.
+/// Repetitions come after 250 ms, or three times the longest time that a reply took so far, then twice as
+/// long each time, up to 2 s, and 2 s after PENDING. No request but those of the series may be sent while it
+/// lives. Threads  the session's.
 class RequestSeries final : public ReplySink {
  public:
   /// As many as the device's reply cache surely keeps; the other half is for what a lost reply leaves behind.
@@ -56,6 +56,7 @@ class RequestSeries final : public ReplySink {
     std::uint16_t correlation = 0;  ///< 0 = free.
     std::vector<std::byte> payload;
     TimePoint next_send{};
+    TimePoint pushed{};
     TimePoint give_up{};
     Duration spacing{};
   };
@@ -72,6 +73,7 @@ class RequestSeries final : public ReplySink {
   std::string_view name_;
   std::array<Place, kMaxDepth> places_;
   std::optional<Error> failed_;
+  Duration slowest_{};  ///< Longest time that a reply of this series took.
 };
 
 }  // namespace scatter::device

@@ -18,6 +18,8 @@ using RealClock = std::chrono::steady_clock;
 /// Attempts in a row that brought no byte across before the last error is the answer.
 constexpr int kFruitlessAttempts = 4;
 constexpr auto kBetweenOpenings = std::chrono::milliseconds(100);
+/// A device that was told to restart is gone after this.
+constexpr auto kRestartBegins = std::chrono::seconds(2);
 /// A relay may hold the connection that we closed for a moment longer; after this it is another host.
 constexpr auto kOwnShadow = std::chrono::seconds(5);
 constexpr Duration kOneOpening = std::chrono::seconds(5);
@@ -39,13 +41,13 @@ class Update {
     if (const Status opened = connect(); !opened) {
       return std::unexpected(opened.error());
     }
-    auto plan = look();
+    auto plan = over_broken_links([this] { return look(); });
     if (plan && plan->start == UpdateStart::kRevert) {
       show(UpdateStage::kReverting);
       if (const Status restarted = restart(); !restarted) {
         return std::unexpected(restarted.error());
       }
-      plan = look();
+      plan = over_broken_links([this] { return look(); });
       if (plan && plan->start == UpdateStart::kRevert) {
         return fail(ErrorCode::kFailedPrecondition,
                     "the running firmware is on trial and stays so after a restart",
@@ -92,6 +94,20 @@ class Update {
     }
     device_.emplace(std::move(*device));
     return {};
+  }
+
+  /// A link that breaks says nothing about the step that it interrupted: opens it and does the step again.
+  template <typename Step>
+  auto over_broken_links(Step step) -> decltype(step()) {
+    for (int attempt = 1;; ++attempt) {
+      auto done = step();
+      if (done || done.error().code != ErrorCode::kDisconnected || attempt == kFruitlessAttempts) {
+        return done;
+      }
+      if (const Status again = reconnect([](Device&) { return true; }); !again) {
+        return std::unexpected(again.error());
+      }
+    }
   }
 
   /// Opens the device again and again until `good` says that it is the one waited for.
@@ -162,7 +178,7 @@ class Update {
       }
       depth = 1;  // A piece that was lost on the way makes those sent behind it come out of order.
       ++report_.reconnections;
-      if (const Status again = reconnect([](const Device&) { return true; }); !again) {
+      if (const Status again = reconnect([](Device&) { return true; }); !again) {
         return again;
       }
     }
@@ -212,33 +228,48 @@ class Update {
     // worn).
     const auto clock = device_->clock_sync(wait());
     const std::uint64_t up_us = clock ? clock->device_time_us : device_->hello().device_time_us;
-    if (const Status told = device_->reboot(wait()); !told && told.error().code != ErrorCode::kDisconnected) {
+    const auto reboot = [this] { return device_->reboot(wait()); };
+    if (const Status told = reboot(); !told && told.error().code != ErrorCode::kDisconnected) {
       return told;
     }
-    return reconnect([&](const Device& device) {
-      return device.hello().boot_count != boots || device.hello().device_time_us < up_us;
+    auto told_at = RealClock::now();
+    return reconnect([&](Device& device) {
+      if (device.hello().boot_count != boots || device.hello().device_time_us < up_us) {
+        return true;
+      }
+      if (RealClock::now() >= told_at + kRestartBegins) {  // The link broke before the request was through.
+        (void)device.reboot(wait());
+        told_at = RealClock::now();
+      }
+      return false;
     });
   }
 
-  /// After the restart: does the new firmware run, and is it well?
+  /// After the restart: does the new firmware run, and is it well? Then it is kept, else it goes.
   Result<UpdateReport> judge() {
     show(UpdateStage::kChecking);
+    return over_broken_links([this] { return judge_once(); });
+  }
+
+  Result<UpdateReport> judge_once() {
     if (const Status looked = look_after(); !looked) {
       return std::unexpected(looked.error());
     }
     if (!runs()) {
       report_.outcome = UpdateOutcome::kReverted;
-      report_.why = why_it_does_not_run();
+      report_.why = unwell_.empty() ? why_it_does_not_run() : unwell_;
       if (const auto record = device_->fault_record(wait()); record && record->present != 0) {
         report_.fault = *record;
       }
       return report_;
     }
     if (const Status well = check_health(); !well) {
-      if (well.error().code == ErrorCode::kAborted) {
+      const ErrorCode code = well.error().code;
+      if (code == ErrorCode::kAborted || code == ErrorCode::kDisconnected) {
         return std::unexpected(well.error());
       }
-      return give_up(well.error().what);
+      unwell_ = "version " + package_.version() + " started, but " + well.error().what;
+      return give_up();
     }
     if (!options_.confirm) {
       report_.outcome = UpdateOutcome::kOnTrial;
@@ -318,17 +349,17 @@ class Update {
   }
 
   /// The new firmware is not well: back to the old one.
-  Result<UpdateReport> give_up(const std::string& why) {
+  Result<UpdateReport> give_up() {
     show(UpdateStage::kReverting);
-    report_.outcome = UpdateOutcome::kReverted;
-    report_.why = "version " + package_.version() + " started, but " + why;
     if (const Status restarted = restart(); !restarted) {
-      return fail(restarted.error().code, report_.why + "; then " + restarted.error().what,
+      return fail(restarted.error().code, unwell_ + "; then " + restarted.error().what,
                   restarted.error().remedy);
     }
     if (const Status looked = look_after(); !looked) {
       return std::unexpected(looked.error());
     }
+    report_.outcome = UpdateOutcome::kReverted;
+    report_.why = unwell_;
     return report_;
   }
 
@@ -339,6 +370,7 @@ class Update {
   protocol::UpdateState state_;
   UpdateReport report_;
   FaultCode fault_before_ = FaultCode::kNone;
+  std::string unwell_;  ///< What speaks against the new firmware.
   bool begun_ = false;
   std::uint32_t received_ = 0;  ///< Most that the device is known to have had.
   std::uint32_t written_ = 0;

@@ -142,6 +142,11 @@ bool UpdatableDevice::serve(ScriptedDevice& device, const protocol::Frame& frame
       return true;
     }
     case MessageId::kUpdateStatus:
+      if (restarted_ && broken_links > 0) {
+        --broken_links;
+        device.hang_up();
+        return true;
+      }
       device.answer(header, state());
       return true;
     case MessageId::kUpdateBegin:
@@ -168,6 +173,10 @@ bool UpdatableDevice::serve(ScriptedDevice& device, const protocol::Frame& frame
       device.answer(header, protocol::ClockSynced{.host_time_us = 0, .device_time_us = 0});
       return true;
     case MessageId::kReboot:
+      if (std::exchange(reboot_is_lost, false)) {
+        device.hang_up();
+        return true;
+      }
       ok();
       device.hang_up();
       restart();

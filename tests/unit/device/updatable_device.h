@@ -45,6 +45,8 @@ class UpdatableDevice {
   std::optional<int> lose_write;           ///< The nth write that arrives is lost, once.
   bool new_firmware_crashes = false;
   std::uint32_t pattern_error = 0;  ///< Of the new firmware's self test.
+  int broken_links = 0;             ///< So many links after the restart break at update_status.
+  bool reboot_is_lost = false;      ///< The link breaks before the first restart is asked for.
   int busy_openings = 0;            ///< So many openings after the restart find it held.
   bool stays_away = false;          ///< Does not come back after a restart.
   bool finds_damage = false;        ///< update_finish says DATA_LOSS.

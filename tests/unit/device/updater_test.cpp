@@ -249,6 +249,25 @@ TEST_CASE("A relay that still holds the connection of before the restart is wait
   CHECK(report->outcome == UpdateOutcome::kConfirmed);
 }
 
+TEST_CASE("Links that break after the restart do not speak against the firmware") {
+  UpdatableDevice device = old_device();
+  device.broken_links = 2;
+  const auto report = update_firmware(device.opener(), new_firmware(), options());
+  REQUIRE(report);
+  CHECK(report->outcome == UpdateOutcome::kConfirmed);
+}
+
+TEST_CASE("A restart that was asked for in vain is asked for again") {
+  UpdatableDevice device = old_device();
+  device.reboot_is_lost = true;
+  UpdateOptions how = options();
+  how.restart = std::chrono::seconds(20);
+  const auto report = update_firmware(device.opener(), new_firmware(), how);
+  REQUIRE(report);
+  CHECK(report->outcome == UpdateOutcome::kConfirmed);
+  CHECK(device.carried_out[MessageId::kReboot] == 2);
+}
+
 TEST_CASE("An update left on trial is confirmed by the same call without sending it again") {
   UpdatableDevice device = old_device();
   const auto package = new_firmware();
