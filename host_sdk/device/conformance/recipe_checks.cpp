@@ -181,7 +181,8 @@ void check_window(Subject& subject, Judgement& judge) {
       continue;
     }
     if (run->frames.size() != 1 || run->frames[0].status != device::FrameStatus::kComplete) {
-      judge.complain(fmt::format("{} gave {} frames, not one whole one", name, run->frames.size()));
+      judge.complain(fmt::format("{} gave {} frames, not one whole one ({} exposures lost by the sensor)",
+                                 name, run->frames.size(), run->summary.ledger.lost_sensor));
       continue;
     }
     const protocol::FrameBegin& begin = run->frames[0].begin;

@@ -55,6 +55,7 @@ void check_run_completed(Subject& subject, Judgement& judge) {
   }
   judge_ledger(run->summary, RunEnd::kCompleted, judge);
   judge.equal("the planned frames", 10U, run->configured.planned_frames);
+  judge.equal("the exposures lost by the sensor", std::uint64_t{0}, run->summary.ledger.lost_sensor);
   judge.equal("the exposures", std::uint64_t{10}, run->summary.ledger.exposed);
   judge.equal("the delivered frames", std::uint64_t{10}, run->summary.ledger.delivered);
   for (std::size_t i = 0; i < run->frames.size(); ++i) {
@@ -228,6 +229,7 @@ void check_credit_hold(Subject& subject, Judgement& judge) {
     rest.push_back(std::move(*frame));
   }
   judge.equal("the number of frames after the grant", std::ptrdiff_t{4}, ends(rest));
+  judge.equal("the exposures lost by the sensor", std::uint64_t{0}, finished->ledger.lost_sensor);
   judge.equal("the exposures", std::uint64_t{6}, finished->ledger.exposed);
   judge.equal("the frames sent", 6U, finished->frames_sent);
   judge.require(finished->held_us > 0, "the time held is not reported");
@@ -272,6 +274,7 @@ void check_live_preview(Subject& subject, Judgement& judge) {
     ends += frame->as<protocol::FrameEnd>() ? 1U : 0U;
     finished = frame->as<protocol::RunFinished>();
   }
+  judge.equal("the exposures lost by the sensor", std::uint64_t{0}, finished->ledger.lost_sensor);
   judge.equal("the exposures", std::uint64_t{8}, finished->ledger.exposed);
   judge.equal("the frames that came with credit for three", 3U, ends);
   judge.equal("the frames dropped by the firmware", std::uint64_t{5}, finished->ledger.lost_firmware);

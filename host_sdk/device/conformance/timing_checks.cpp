@@ -55,6 +55,11 @@ Result<StoppedRun> stop_once(WireProbe& probe, std::uint32_t epoch) {
     } else if (frame->as<protocol::FrameEnd>()) {
       ++ends;
       out.frame_ms = since(begun, frame->at);
+    } else if (const auto finished = frame->as<protocol::RunFinished>()) {
+      return fail(ErrorCode::kDataLoss,
+                  fmt::format("the run ended by itself, {} exposures lost by the sensor",
+                              finished->ledger.lost_sensor),
+                  "look at Sensor::state");
     }
   }
   const std::uint16_t correlation = probe.next_correlation();
