@@ -6,6 +6,7 @@
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <thread>
@@ -55,15 +56,19 @@ class Folder {
   return {.instrument = *instrument, .bootloader = files->bootloader, .firmware = files->firmware};
 }
 
-/// A board under QEMU, served on a socket by a thread of its own.
+/// A board under QEMU, served on a socket by a thread of its own. `before` has it for itself first.
 class Emulated {
  public:
-  explicit Emulated(const simulator::EmulatedBoardOptions& options) {
+  explicit Emulated(const simulator::EmulatedBoardOptions& options,
+                    const std::function<void(simulator::EmulatedBoard&)>& before = {}) {
     auto board = simulator::EmulatedBoard::start(options);
     if (!board) {
       FAIL(board.error().what);
     }
     board_ = std::move(*board);
+    if (before) {
+      before(*board_);
+    }
     auto server = simulator::Server::listen("unix:" + (folder_ / "host.sock").string(), *board_);
     REQUIRE(server.has_value());
     server_ = std::move(*server);
