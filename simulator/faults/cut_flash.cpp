@@ -29,7 +29,8 @@ CutFlash::CutFlash(Geometry geometry, Supply& supply)
       supply_(&supply),
       pages_((geometry.unit_bytes * geometry.units + kPageBytes - 1) / kPageBytes),
       erases_(geometry.units),
-      worn_(geometry.units) {}
+      worn_(geometry.units),
+      weak_(geometry.units) {}
 
 CutFlash::CutFlash(const CutFlash& other, Supply& supply) : CutFlash(other) {
   supply_ = &supply;
@@ -228,6 +229,9 @@ bool CutFlash::program(std::uint32_t offset, std::span<const std::byte> bytes_to
     return false;
   }
   set(offset, size, [&](std::size_t i) { return bytes_to_write[i]; });
+  if (size > 0 && weak_[offset / geometry_.unit_bytes]) {
+    set(offset, 1, [&](std::size_t) { return bytes_to_write[0] | std::byte{0x55}; });
+  }
   return true;
 }
 
@@ -325,6 +329,10 @@ void CutFlash::break_erase(std::uint32_t offset) {
 
 void CutFlash::wear_out(std::uint32_t unit) {
   worn_.at(unit) = true;
+}
+
+void CutFlash::weaken(std::uint32_t unit) {
+  weak_.at(unit) = true;
 }
 
 void CutFlash::rot(std::uint32_t offset, std::uint8_t flipped_bits) {

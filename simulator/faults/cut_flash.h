@@ -92,6 +92,8 @@ class CutFlash final : public firmware::Flash {
 
   /// Wear and rot, for tests: the unit can no longer be erased nor programmed; bits flip; reads trap.
   void wear_out(std::uint32_t unit);
+  /// The unit programs without complaint and leaves some bits of the first byte unprogrammed.
+  void weaken(std::uint32_t unit);
   void rot(std::uint32_t offset, std::uint8_t flipped_bits);
   void trap(std::uint32_t offset, std::uint32_t length);
   /// Puts these bytes there, whatever was there before.
@@ -137,6 +139,7 @@ class CutFlash final : public firmware::Flash {
   std::vector<Page> pages_;
   std::vector<std::uint64_t> erases_;
   std::vector<bool> worn_;
+  std::vector<bool> weak_;
   std::uint64_t violations_ = 0;
   std::string violation_;
 };

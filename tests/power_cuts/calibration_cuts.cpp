@@ -1,10 +1,11 @@
 // Cuts in the calibration store: at every flash operation of starting, saving, undoing, restoring, setting,
 // of moving on to the next erase unit and of repairing a lost copy. Promises after each:
 // - the device holds the old or the new set, bit for bit, never a mixture, and its settings with it;
-// - what it said once it says again after every further power-on;
+// - what it said once it says again after every further power-on, even when one copy is lost by then;
 // - its boot count never repeats;
 // - it can store again;
 // - no cell is programmed that is not erased.
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <string>
@@ -105,6 +106,8 @@ class StoreTrial final : public Trial {
 
   [[nodiscard]] std::string judge() override {
     session({});
+    lose_a_copy(0);
+    lose_a_copy(1);
     supply_.power_on();
     session({Commit{Target::kWhiteReference, 251}, Set{"location", "somewhere else"}});
     supply_.power_on();
@@ -119,6 +122,22 @@ class StoreTrial final : public Trial {
   void broke(std::string promise) {
     if (broken_.empty()) {
       broken_ = std::move(promise);
+    }
+  }
+
+  /// One copy alone must say the same.
+  void lose_a_copy(std::uint32_t copy) {
+    if (!broken_.empty()) {
+      return;
+    }
+    StoreTrial alone(*this);
+    const Flash::Geometry geometry = flash_.geometry();
+    const std::uint32_t bytes = geometry.units / 2 * geometry.unit_bytes;
+    alone.flash_.trap(copy * bytes, bytes);
+    alone.supply_.power_on();
+    alone.session({});
+    if (!alone.broken_.empty()) {
+      broke(fmt::format("without copy {}: {}", copy + 1, alone.broken_));
     }
   }
 
@@ -200,7 +219,7 @@ struct Geometry {
 };
 
 /// What the flash went through before the scenario begins.
-enum class Damage : std::uint8_t { kNone, kFirstCopyLost, kSecondCopyLost, kWornUnits };
+enum class Damage : std::uint8_t { kNone, kFirstCopyLost, kSecondCopyLost, kWornUnits, kWeakUnits };
 
 struct Plan {
   std::string_view name;
@@ -233,6 +252,14 @@ class StoreScenario final : public Scenario {
         start_.flash().wear_out(1);
         start_.flash().wear_out(half + 2 % half);
         break;
+      case Damage::kWeakUnits:
+        // Every other place or more of both copies.
+        for (std::uint32_t unit = 0; unit < geometry.flash.units; ++unit) {
+          if (unit * geometry.flash.unit_bytes / std::max(2048U, geometry.flash.unit_bytes) % 2 == 1) {
+            start_.flash().weaken(unit);
+          }
+        }
+        break;
     }
   }
   [[nodiscard]] std::string name() const override {
@@ -240,8 +267,8 @@ class StoreScenario final : public Scenario {
   }
   [[nodiscard]] std::unique_ptr<Trial> begin() const override { return start_.clone(); }
   [[nodiscard]] Thoroughness thoroughness(bool quick) const override {
-    return quick ? Thoroughness{.details = 1, .double_share = plan_.double_share * 23}
-                 : Thoroughness{.details = 2, .double_share = plan_.double_share};
+    return quick ? Thoroughness{.details = 1, .unstable = 4, .double_share = plan_.double_share * 47}
+                 : Thoroughness{.details = 2, .unstable = 8, .double_share = plan_.double_share};
   }
 
  private:
@@ -295,6 +322,7 @@ std::vector<Plan> plans_for(const Geometry& geometry) {
                    .before = calibrated,
                    .act = commits(geometry.large ? 100 : 4),
                    .double_share = geometry.large ? 499U : 3U});
+  plans.push_back({.name = "weak_units", .before = calibrated, .act = {white}, .damage = Damage::kWeakUnits});
   if (geometry.flash.units >= 8) {
     plans.push_back(
         {.name = "worn_units", .before = calibrated, .act = {white}, .damage = Damage::kWornUnits});

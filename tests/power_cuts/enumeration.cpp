@@ -20,7 +20,7 @@ constexpr std::array<std::string_view, kCutKinds> kKindNames{"before", "torn",  
 // Kept per scenario; the count goes on.
 constexpr std::size_t kKeptFailures = 5;
 
-std::uint32_t draws_of(CutKind kind, std::uint32_t details) {
+std::uint32_t draws_of(CutKind kind, const Thoroughness& thoroughness) {
   switch (kind) {
     case CutKind::kBefore:
     case CutKind::kAfter:
@@ -28,19 +28,19 @@ std::uint32_t draws_of(CutKind kind, std::uint32_t details) {
       return 1;
     case CutKind::kTornPrefix:
     case CutKind::kHalfErased:
-      return details;
+      return thoroughness.details;
     case CutKind::kUnstable:
-      return 2 * details;
+      return thoroughness.unstable == 0 ? 2 * thoroughness.details : thoroughness.unstable;
   }
   return 1;
 }
 
 /// Every cut of a session of so many operations.
-Cuts cuts_of(std::uint64_t operations, std::uint32_t details, std::uint32_t first_detail) {
+Cuts cuts_of(std::uint64_t operations, const Thoroughness& thoroughness, std::uint32_t first_detail) {
   Cuts cuts;
   for (std::uint64_t operation = 0; operation < operations; ++operation) {
     for (std::uint8_t kind = 0; kind < kCutKinds; ++kind) {
-      const std::uint32_t draws = draws_of(static_cast<CutKind>(kind), details);
+      const std::uint32_t draws = draws_of(static_cast<CutKind>(kind), thoroughness);
       for (std::uint32_t i = 0; i < draws; ++i) {
         cuts.push_back({.operation = operation,
                         .kind = static_cast<CutKind>(kind),
@@ -104,7 +104,7 @@ Outcome points_after(const Scenario& scenario, const PowerCut& first, std::uint6
   const std::unique_ptr<Trial> whole = cut->clone();
   power_on(*whole);
   whole->recover();
-  const Cuts seconds = cuts_of(whole->supply().operations(), thoroughness.details, 7);
+  const Cuts seconds = cuts_of(whole->supply().operations(), thoroughness, 7);
   for (std::size_t i = 0; i < seconds.size(); ++i) {
     if ((number * seconds.size() + i) % thoroughness.double_share != 0) {
       continue;
@@ -193,7 +193,7 @@ Outcome enumerate(const Scenario& scenario, bool quick, unsigned threads) {
   const std::unique_ptr<Trial> whole = scenario.begin();
   power_on(*whole);
   whole->act();
-  const Cuts firsts = cuts_of(whole->supply().operations(), thoroughness.details, 1);
+  const Cuts firsts = cuts_of(whole->supply().operations(), thoroughness, 1);
   std::vector<Outcome> outcomes(firsts.size());
   std::atomic<std::size_t> next{0};
   const auto work = [&] {

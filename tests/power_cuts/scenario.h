@@ -30,10 +30,12 @@ class Trial {
 
 /// How many points are tried.
 struct Thoroughness {
-  std::uint32_t details =
-      2;  ///< Draws of every kind of cut that has a random part; unstable cells get twice.
-  std::uint32_t double_share =
-      1;  ///< One pair of cuts in so many is tried, by the pair's own number. 0: none.
+  /// Draws of torn and half-done operations.
+  std::uint32_t details = 2;
+  /// Draws of unstable cells; 0: twice `details`.
+  std::uint32_t unstable = 0;
+  /// One pair of cuts in so many is tried, by the pair's own number. 0: none.
+  std::uint32_t double_share = 1;
 };
 
 /// Threads: begin() is called from several at once.

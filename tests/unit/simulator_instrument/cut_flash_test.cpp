@@ -259,6 +259,16 @@ TEST_CASE("Worn units refuse without effect; rot and traps can be put anywhere")
   CHECK(read(part.flash, 7, 1) == pattern(1, 77));
 }
 
+TEST_CASE("A weak unit says that it programmed and did not") {
+  Part part;
+  part.flash.weaken(1);
+  const std::vector<std::byte> zeros(32);
+  REQUIRE(part.flash.program(1504, zeros));
+  REQUIRE(part.flash.program(1536, zeros));
+  CHECK(read(part.flash, 1504, 32) == zeros);
+  CHECK(read(part.flash, 1536, 32) != zeros);
+}
+
 TEST_CASE("A copy of a flash on its own supply goes its own way") {
   Part part;
   REQUIRE(part.flash.program(0, pattern(32)));
