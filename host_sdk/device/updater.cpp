@@ -22,6 +22,7 @@ constexpr auto kBetweenOpenings = std::chrono::milliseconds(100);
 constexpr auto kRestartBegins = std::chrono::seconds(2);
 /// A relay may hold the connection that we closed for a moment longer; after this it is another host.
 constexpr auto kOwnShadow = std::chrono::seconds(5);
+constexpr Duration kFirstOpening = std::chrono::seconds(10);
 constexpr Duration kOneOpening = std::chrono::seconds(5);
 constexpr std::uint16_t kSelfTestFrames = 1;
 constexpr int kSelfTests = 5;
@@ -38,7 +39,7 @@ class Update {
       : open_(open), package_(package), options_(options) {}
 
   Result<UpdateReport> run() {
-    if (const Status opened = connect(); !opened) {
+    if (const Status opened = connect(kFirstOpening); !opened) {
       return std::unexpected(opened.error());
     }
     auto plan = over_broken_links([this] { return look(); });
@@ -86,9 +87,9 @@ class Update {
     }
   }
 
-  Status connect() {
+  Status connect(Duration timeout) {
     device_.reset();
-    auto device = open_({.timeout = kOneOpening, .stop = options_.stop});
+    auto device = open_({.timeout = timeout, .stop = options_.stop});
     if (!device) {
       return std::unexpected(std::move(device.error()));
     }
@@ -116,7 +117,7 @@ class Update {
     const auto begin = RealClock::now();
     const auto end = begin + options_.restart;
     for (;;) {
-      const Status opened = connect();
+      const Status opened = connect(kOneOpening);
       if (opened && good(*device_)) {
         return {};
       }
