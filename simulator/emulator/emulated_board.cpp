@@ -16,6 +16,8 @@ namespace scatter::simulator {
 namespace {
 
 constexpr std::uint64_t kLongestSleep_us = 1'000'000;
+// Half a frame of a host that has been silent for this long is broken, as the firmware's own rule is.
+constexpr std::uint64_t kHostSilence_us = 1'000'000;
 
 Status check_options(const InstrumentOptions& options) {
   const auto refuse = [](std::string_view what, std::string remedy) {
@@ -160,6 +162,11 @@ void EmulatedBoard::detach() {
 }
 
 std::size_t EmulatedBoard::host_write(std::span<const std::byte> bytes) {
+  const std::uint64_t now = now_us();
+  if (now - heard_host_us_ >= kHostSilence_us) {
+    relay_.host_was_silent();
+  }
+  heard_host_us_ = now;
   const std::size_t count = std::min(bytes.size(), relay_.writable());
   relay_.from_host(bytes.first(count));
   return count;

@@ -98,6 +98,7 @@ class EmulatedBoard final : public ServedDevice {
   pid_t process_id_;
   std::unique_ptr<BenchService> bench_;
   SerialRelay relay_;
+  std::uint64_t heard_host_us_ = 0;
   bool bootloader_spoke_ = false;  ///< Of a start whose firmware has not spoken yet.
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 };

@@ -56,6 +56,10 @@ void SerialRelay::from_host(std::span<const std::byte> bytes) {
       [this](const protocol::FrameHeader& header, protocol::ParseStatus) { send_to_device(bare(header)); });
 }
 
+void SerialRelay::host_was_silent() {
+  host_.give_up([this](const protocol::Frame& frame) { send_to_device(frame.bytes()); });
+}
+
 void SerialRelay::send_to_device(std::span<const std::byte> frame) {
   const std::size_t size = protocol::write_serial(scratch_, frame, to_device_.size() == 0);
   to_device_.push(std::span<const std::byte>(scratch_).first(size));

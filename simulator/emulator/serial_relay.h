@@ -37,6 +37,9 @@ class SerialRelay {
   [[nodiscard]] std::size_t writable() const noexcept;
   /// At most writable() bytes.
   void from_host(std::span<const std::byte> bytes);
+  /// Nothing has come for longer than a frame takes: half a frame is given up, whole ones inside what it had
+  /// claimed go on (SPEC 2.5).
+  void host_was_silent();
   [[nodiscard]] std::size_t readable() const noexcept { return to_host_.size(); }
   [[nodiscard]] std::size_t host_read(std::span<std::byte> out);
 

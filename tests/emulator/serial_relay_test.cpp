@@ -170,3 +170,17 @@ TEST_CASE("Nothing of one host reaches the next, and a restart lets the last wor
   CHECK(relay.writable() == 0);
   CHECK(read_all(relay) == frame);
 }
+
+TEST_CASE("A host that never finishes a frame is served again after a silence") {
+  // PROVES: SPEC 2.5
+  std::mt19937 random(6);
+  SerialRelay relay;
+  relay.attach();
+  const Bytes cut = frame_of(1, 900, random);
+  const Bytes next = frame_of(2, 20, random);
+  relay.from_host(std::span<const std::byte>(cut).first(100));
+  relay.from_host(next);  // Lies inside what the cut frame claims.
+  CHECK(frames_for_device(relay).empty());
+  relay.host_was_silent();
+  CHECK(frames_for_device(relay) == next);
+}
