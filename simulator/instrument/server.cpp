@@ -79,6 +79,8 @@ void Server::Parts::accept_all() {
     if (!connection.open()) {
       return;
     }
+    // A host that has left makes room for the next at once.
+    (void)pump_host();
     if (!host) {
       device.attach();
       host.emplace(std::move(connection), std::move(peer), device);
