@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "firmware/core/persistent_state.h"
@@ -200,6 +201,72 @@ TEST_CASE(
   CHECK(fault_of(store.state.report()) == FaultCode::kCalibrationStoreRecovered);
   CHECK(text_of(store.state.report()).str() ==
         "store: 2 unfinished or damaged records dropped; both copies are whole");
+}
+
+TEST_CASE("The commit granule is programmed last, once what it commits reads back right") {
+  struct WatchedFlash final : Flash {
+    FakeFlash inside;
+    std::vector<std::pair<std::uint32_t, std::size_t>> programs;
+    std::vector<std::size_t> read_before;  ///< Bytes read between a program and the one before it.
+    std::size_t reading = 0;
+    Geometry geometry() noexcept override { return inside.geometry(); }
+    bool read(std::uint32_t offset, std::span<std::byte> out) noexcept override {
+      reading += out.size();
+      return inside.read(offset, out);
+    }
+    bool program(std::uint32_t offset, std::span<const std::byte> bytes) noexcept override {
+      programs.emplace_back(offset, bytes.size());
+      read_before.push_back(std::exchange(reading, 0));
+      return inside.program(offset, bytes);
+    }
+    bool erase(std::uint32_t unit) noexcept override { return inside.erase(unit); }
+  };
+  WatchedFlash flash;
+  Store store(flash);
+  REQUIRE(store.state.commit(manifest(Target::kDarkCap, 1)) == StatusCode::kOk);
+  REQUIRE(flash.programs.size() == 8);  // Body and granule, two copies, two records.
+  for (std::size_t i = 0; i < 8; i += 2) {
+    const auto [body, length] = flash.programs[i];
+    CHECK(std::memcmp(flash.inside.cells.data() + body, "OSRC", 4) == 0);
+    CHECK(flash.programs[i + 1] == std::pair(static_cast<std::uint32_t>(body + length), std::size_t{8}));
+    CHECK(flash.read_before[i + 1] == length);
+  }
+}
+
+TEST_CASE("Two programs that went wrong in silence cost nothing that was confirmed") {
+  struct LyingFlash final : Flash {
+    FakeFlash inside;
+    std::uint32_t programs = 0;
+    std::uint32_t lies[2]{0xFFFF'FFFF, 0xFFFF'FFFF};
+    Geometry geometry() noexcept override { return inside.geometry(); }
+    bool read(std::uint32_t offset, std::span<std::byte> out) noexcept override {
+      return inside.read(offset, out);
+    }
+    bool program(std::uint32_t offset, std::span<const std::byte> bytes) noexcept override {
+      const bool lie = programs == lies[0] || programs == lies[1];
+      ++programs;
+      std::vector<std::byte> cells(bytes.begin(), bytes.end());
+      cells[0] |= lie ? std::byte{0xFF} : std::byte{0};
+      return inside.program(offset, cells);
+    }
+    bool erase(std::uint32_t unit) noexcept override { return inside.erase(unit); }
+  };
+  for (std::uint32_t first = 0; first < 12; ++first) {
+    for (std::uint32_t second = first + 1; second < 12; ++second) {
+      LyingFlash flash;
+      flash.lies[0] = first;
+      flash.lies[1] = second;
+      {
+        Store store(flash);
+        REQUIRE(store.state.commit(manifest(Target::kDarkCap, 1)) == StatusCode::kOk);
+        REQUIRE(store.state.commit(manifest(Target::kDarkCap, 2)) == StatusCode::kOk);
+      }
+      Store store(flash);
+      INFO("programs " << first << " and " << second);
+      CHECK(store.state.calibrations().current_id(Target::kDarkCap)[0] == 2);
+      CHECK(store.state.calibrations().list().manifests.size() == 2);
+    }
+  }
 }
 
 TEST_CASE("A flash that fails at any operation keeps the last set that was stored and says so") {
