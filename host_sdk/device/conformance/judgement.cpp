@@ -6,7 +6,7 @@ namespace {
 constexpr std::size_t kKeptComplaints = 4;
 }
 
-void Judgement::complain(std::string complaint) {
+void Judgement::complain(const std::string& complaint) {
   if (++complaints_ <= kKeptComplaints) {
     finding_.trouble += (finding_.trouble.empty() || skipped_ ? "" : "; ") + complaint;
   }

@@ -25,7 +25,7 @@ class Judgement {
       complain(fmt::format("{} is {} when it should be {}", what, found, expected));
     }
   }
-  void complain(std::string complaint);
+  void complain(const std::string& complaint);
   /// An error where none was allowed.
   void broken(std::string_view doing, const Error& error) {
     complain(fmt::format("{}: {}", doing, error.what));
