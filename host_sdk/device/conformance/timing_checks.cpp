@@ -1,5 +1,6 @@
 // How fast the device answers. Times are those of the transport's clock, which is virtual for simulators.
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "host_sdk/device/conformance/check_functions.h"
@@ -23,7 +24,7 @@ constexpr std::uint32_t kWatchdog_us = 1'000'000;
 double quantile(std::vector<double> values, double share) {
   std::ranges::sort(values);
   const auto last = static_cast<double>(values.size() - 1);
-  return values[static_cast<std::size_t>(share * last + 0.5)];
+  return values[static_cast<std::size_t>(std::lround(share * last))];
 }
 
 double since(device::TimePoint start, device::TimePoint end) {
