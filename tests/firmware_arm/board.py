@@ -123,6 +123,16 @@ class Board:
             line.close()
         self.folder.cleanup()
 
+    def bench_message(self):
+        """The next whole message on the backplane: kind, length, payload, check."""
+        data = b""
+        while len(data) < 2 or len(data) < data[1] + 3:
+            more = self.lines[1].recv(1 if len(data) < 2 else data[1] + 3 - len(data))
+            if not more:
+                raise EOFError("QEMU ended")
+            data += more
+        return data
+
     def exit_status(self, seconds=50):
         """Waits for the program's own end (semihosting); (status, what it printed)."""
         output, _ = self.process.communicate(timeout=seconds)

@@ -153,7 +153,7 @@ def test_watchdog(build):
             low, high = symbols[name]
             if not low <= state["pc"] < high:
                 raise Failed(f"{name}: pc {state['pc']:#x} is not in {low:#x}..{high:#x}")
-            if state["uptime_us"] < 200_000 or time.monotonic() - begin < 0.2:
+            if state["uptime_us"] < 2_000_000 or time.monotonic() - begin < 2:
                 raise Failed(f"{name}: the watchdog bit before its time, after {state['uptime_us']} us")
 
 
@@ -166,7 +166,7 @@ def test_boot(build):
         sys.exit(77)
     images = slot_images(scfw)
     with Board(kernel, images) as board:
-        expect("the bench is told that the firmware starts", board.lines[1].recv(6)[:2], b"B\x03")
+        expect("the bench is told that the firmware starts", board.bench_message()[:2], b"B\x03")
         name, reply = board.hello()
         expect("answer to HELLO", (name, reply["build_id"].split(" ")[0]), ("hello_reply", "openscatter"))
         expect("without a factory set", (reply["product"], reply["serial"]), ("unprovisioned", "no factory set"))
@@ -175,7 +175,7 @@ def test_boot(build):
         name, refused = board.ask("set_configuration", recipe=recipe(illuminations=[0]))
         expect("nothing can be measured", name, "status_reply")
         expect("reboot", board.ask("reboot")[1]["status"], 0)
-        board.lines[1].recv(6)
+        board.bench_message()
         board.pending = b""
         name, reply = board.hello(session=0x4321)
         expect("reset reason", reply["reset_reason"], REQUESTED)

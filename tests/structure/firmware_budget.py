@@ -109,7 +109,7 @@ class CallGraph:
         self.calls = collections.defaultdict(set)
         self.dynamic = set()
         self.indirect = collections.defaultdict(set)  # caller: {place of the call in the source}
-        for path in glob.glob(os.path.join(build, "**", "*.ci"), recursive=True):
+        for path in compiled(build, image, "*.ci"):
             with open(path, encoding="utf-8", errors="replace") as file:
                 self.take(file.read())
         for name, (stack, calls) in disassembly(image.path).items():
@@ -220,10 +220,17 @@ def source_words(place):
     return words | ({"->*"} if "->*" in text else set())
 
 
+def compiled(build, image, pattern):
+    """What the compiler made of the sources of the image and of the libraries, not of other images."""
+    name = os.path.basename(image.path).removesuffix(".elf")
+    found = glob.glob(os.path.join(build, "**", pattern), recursive=True)
+    return [path for path in found if re.search(rf"/CMakeFiles/(scatter_\w+|{name})\.dir/", path)]
+
+
 def addresses_taken(build, image):
     """({functions in vtables}, {functions whose address is taken elsewhere}), by the objects' relocations."""
     virtual, pointers = set(), set()
-    objects = glob.glob(os.path.join(build, "**", "*.obj"), recursive=True)
+    objects = compiled(build, image, "*.obj")
     section = ""
     for line in run("arm-none-eabi-objdump", "-r", *objects).splitlines():
         title = re.match(r"^RELOCATION RECORDS FOR \[(.+)\]", line)
