@@ -57,7 +57,7 @@ BenchService::BenchService(VirtualBoard& board, BenchPace pace, std::span<std::b
                   [this](const firmware::backplane::Booted& booted) {
                     const std::scoped_lock lock(mutex_);
                     boots_.push_back(booted);
-                    signal(news_);
+                    tell();
                   }}),
       conduct_(conduct) {
   bench_.conduct(conduct);
@@ -70,8 +70,14 @@ BenchService::~BenchService() {
   signal(wake_);
 }
 
+void BenchService::tell() {
+  has_news_.store(true, std::memory_order_release);
+  signal(news_);
+}
+
 std::vector<firmware::backplane::Booted> BenchService::take_boots() {
   const std::scoped_lock lock(mutex_);
+  has_news_.store(failure_.has_value(), std::memory_order_release);
   std::uint64_t count = 0;
   (void)!::read(news_.number(), &count, sizeof count);
   return std::exchange(boots_, {});
@@ -159,7 +165,7 @@ void BenchService::serve(const std::stop_token& stop) {
     const std::scoped_lock lock(mutex_);
     failure_ = std::move(done.error());
     settled_.notify_all();
-    signal(news_);
+    tell();
   }
 }
 

@@ -1,6 +1,7 @@
 // Runs the bench for an emulated board, in a thread of its own.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
@@ -31,6 +32,8 @@ class BenchService {
   /// Becomes readable when there is something to take or the service has failed; for poll(). take_boots()
   /// clears it.
   [[nodiscard]] int news_descriptor() const noexcept { return news_.number(); }
+  /// There is something to take, or the service has failed. Costs nothing.
+  [[nodiscard]] bool has_news() const noexcept { return has_news_.load(std::memory_order_acquire); }
   /// Why it ended, if it has.
   [[nodiscard]] std::optional<Error> failure() const;
   [[nodiscard]] BackplaneBench::Statistics statistics() const;
@@ -44,6 +47,9 @@ class BenchService {
   void settle();
   [[nodiscard]] Status turn(BackplaneBench::Clock::time_point now);
 
+  void tell();
+
+  std::atomic<bool> has_news_ = false;
   FileDescriptor news_;
   FileDescriptor wake_;
   FileDescriptor& line_;

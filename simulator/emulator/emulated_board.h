@@ -89,6 +89,7 @@ class EmulatedBoard final : public ServedDevice {
  private:
   EmulatedBoard(std::unique_ptr<VirtualBoard> board, BoardState state, QemuProcess process);
   [[nodiscard]] Status wait_for_boot();
+  [[nodiscard]] Status check_alive();
   [[nodiscard]] bool pump();
   [[nodiscard]] bool take_boots();
 
@@ -99,7 +100,9 @@ class EmulatedBoard final : public ServedDevice {
   std::unique_ptr<BenchService> bench_;
   SerialRelay relay_;
   std::uint64_t heard_host_us_ = 0;
+  bool line_closed_ = false;       ///< UART0: QEMU is ending.
   bool bootloader_spoke_ = false;  ///< Of a start whose firmware has not spoken yet.
+  std::chrono::steady_clock::time_point checked_{};
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 };
 
