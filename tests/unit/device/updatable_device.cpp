@@ -27,7 +27,12 @@ OpenDevice UpdatableDevice::opener() {
     ScriptedDevice* device = transport.get();
     device->script.request = [this, device](const protocol::Frame& frame) { return serve(*device, frame); };
     device->script.incoming = [this](const protocol::Frame& frame) {
-      const bool lost = frame.id() == MessageId::kUpdateWrite && lose_write && writes_heard_++ == *lose_write;
+      if (frame.id() != MessageId::kUpdateWrite) {
+        return true;
+      }
+      const int index = writes_heard_++;
+      const bool lost =
+          (lose_write && index == *lose_write) || (lose_every > 0 && index % lose_every == lose_every - 1);
       if (lost) {
         lose_write.reset();
       }

@@ -43,6 +43,7 @@ class UpdatableDevice {
   // What goes wrong.
   std::optional<std::uint32_t> unplug_at;  ///< Once, when so many bytes of the body are there.
   std::optional<int> lose_write;           ///< The nth write that arrives is lost, once.
+  int lose_every = 0;                      ///< Every nth write that arrives is lost; 0: none.
   bool new_firmware_crashes = false;
   std::uint32_t pattern_error = 0;  ///< Of the new firmware's self test.
   int broken_links = 0;             ///< So many links after the restart break at update_status.

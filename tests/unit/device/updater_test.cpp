@@ -159,6 +159,16 @@ TEST_CASE("A piece that is lost on the way is sent again, and the body is whole"
   CHECK(device.slots[1].body == package.image(1).body);
 }
 
+TEST_CASE("On a link that keeps losing pieces the link is opened again once, not for every loss") {
+  UpdatableDevice device = old_device();
+  device.lose_every = 10;
+  const auto package = new_firmware();
+  const auto report = update_firmware(device.opener(), package, options());
+  REQUIRE(report);
+  CHECK(report->reconnections == 1);
+  CHECK(device.slots[1].body == package.image(1).body);
+}
+
 TEST_CASE("A stopped update is resumed by the same call, and sends only what is missing") {
   UpdatableDevice device = old_device();
   const auto package = new_firmware();
