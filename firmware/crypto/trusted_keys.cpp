@@ -1,7 +1,7 @@
 #include "firmware/crypto/trusted_keys.h"
 
 #ifdef SCATTER_RELEASE_BUILD
-#include "firmware/crypto/release_keys.h"  // Generated: kReleaseKeys.
+#include <scatter_release_keys.h>  // Generated: kReleaseKeys.
 #endif
 
 namespace scatter::firmware {
