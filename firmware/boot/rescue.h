@@ -32,7 +32,7 @@ struct RescuePorts {
 };
 
 /// Serves HELLO, the update messages, fault_record_read, get_status, clock_sync and reboot; any other request
-/// gets FAILED_PRECONDITION that tells to flash a firmware image. No heap; RAM: about 56 KiB, in static
+/// gets FAILED_PRECONDITION that tells to flash a firmware image. No heap; RAM: about 38 KiB, in static
 /// memory.
 class Rescue {
  public:
