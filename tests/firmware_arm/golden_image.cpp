@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <span>
 
+#include <golden_table.h>
 #include "firmware/boards/mps2_an500/startup.h"
-#include "golden_table.h"
 #include "protocol/crc.h"
 #include "protocol/message_traits.h"
 #include "protocol/serial.h"

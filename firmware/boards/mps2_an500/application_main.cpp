@@ -4,7 +4,7 @@
 #include <new>
 #include <span>
 
-#include "build_version.h"
+#include <build_version.h>
 #include "firmware/backplane/shared_memory.h"
 #include "firmware/boards/mps2_an500/backplane_line.h"
 #include "firmware/boards/mps2_an500/bench_optics.h"

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <new>
 
-#include "build_version.h"
+#include <build_version.h>
 #include "firmware/boards/mps2_an500/backplane_line.h"
 #include "firmware/boards/mps2_an500/bench_optics.h"
 #include "firmware/boards/mps2_an500/devices.h"

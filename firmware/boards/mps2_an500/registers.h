@@ -7,10 +7,12 @@
 namespace scatter::firmware::mps2_an500 {
 
 [[nodiscard]] inline std::uint32_t read_register(std::uint32_t address) noexcept {
-  return *reinterpret_cast<volatile std::uint32_t*>(address);  // NOLINT(performance-no-int-to-ptr)
+  return *reinterpret_cast<volatile std::uint32_t*>(
+      std::uintptr_t{address});  // NOLINT(performance-no-int-to-ptr)
 }
 inline void write_register(std::uint32_t address, std::uint32_t value) noexcept {
-  *reinterpret_cast<volatile std::uint32_t*>(address) = value;  // NOLINT(performance-no-int-to-ptr)
+  *reinterpret_cast<volatile std::uint32_t*>(std::uintptr_t{address}) =
+      value;  // NOLINT(performance-no-int-to-ptr)
 }
 /// Everything before it is done, in memory and in the pipeline.
 inline void barrier() noexcept {
