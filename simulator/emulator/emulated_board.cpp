@@ -65,8 +65,8 @@ Result<FirmwareFiles> find_firmware(const std::filesystem::path& firmware) {
     folders.push_back(folder / "firmware");
   }
   for (const auto& each : folders) {
-    const FirmwareFiles files{.bootloader = each / kBootloader,
-                              .firmware = firmware.empty() ? each / kFirmware : firmware};
+    FirmwareFiles files{.bootloader = each / kBootloader,
+                        .firmware = firmware.empty() ? each / kFirmware : firmware};
     if (is_file(files.bootloader) && is_file(files.firmware)) {
       return files;
     }

@@ -51,6 +51,9 @@ Run run(device::Device& device, const protocol::Recipe& recipe) {
   }
   run.summary = stream->summary();
   run.events = device.take_events();
+  for (const device::DeviceEvent& event : run.events) {
+    UNSCOPED_INFO("the device said: " << event.text);
+  }
   return run;
 }
 
@@ -178,7 +181,13 @@ TEST_CASE("A reboot ends the host's connection, and the next session finds why")
     device::Device device = emulated.open();
     boots = device.hello().boot_count;
     REQUIRE(device.reboot(kPatient).has_value());
-    auto status = device.status({.timeout = std::chrono::seconds(20), .stop = {}});
+    // Until the connection ends, the restarted firmware may say that there is no session.
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    auto status = device.status(kPatient);
+    while ((status || status.error().code != ErrorCode::kDisconnected) &&
+           std::chrono::steady_clock::now() < deadline) {
+      status = device.status(kPatient);
+    }
     REQUIRE_FALSE(status.has_value());
     CHECK(status.error().code == ErrorCode::kDisconnected);
   }
