@@ -268,7 +268,7 @@ class StoreScenario final : public Scenario {
   [[nodiscard]] std::unique_ptr<Trial> begin() const override { return start_.clone(); }
   [[nodiscard]] Thoroughness thoroughness(bool quick) const override {
     return quick ? Thoroughness{.details = 1, .unstable = 4, .double_share = plan_.double_share * 97}
-                 : Thoroughness{.details = 2, .unstable = 8, .double_share = plan_.double_share};
+                 : Thoroughness{.details = 2, .unstable = 4, .double_share = plan_.double_share};
   }
 
  private:
