@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "firmware/core/link_damage.h"
 #include "protocol/message_traits.h"
 #include "protocol/schema_description.h"
 
@@ -186,13 +187,9 @@ void Rescue::hello(const Frame& frame) noexcept {
 }
 
 void Rescue::get_status(const Header& request) noexcept {
-  const protocol::LinkCounters& counters = decoder_.counters();
   protocol::DeviceStatus status;
   status.device_time_us = ports_.clock.now_us();
-  status.frames_good = counters.good;
-  status.frames_bad_header = counters.bad_header + counters.bad_length;
-  status.frames_bad_payload = counters.bad_payload;
-  status.bytes_skipped = counters.skipped_bytes;
+  count_damage(decoder_.counters(), ports_.link, status);
   status.stale_session = stale_frames_;
   status.duplicates = duplicates_;
   reply(request, status);

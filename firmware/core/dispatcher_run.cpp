@@ -1,5 +1,6 @@
 // Configuration, runs and status.
 #include "firmware/core/dispatcher.h"
+#include "firmware/core/link_damage.h"
 
 namespace scatter::firmware {
 
@@ -133,10 +134,7 @@ void Dispatcher::get_status(const Header& request) noexcept {
   status.led_temperature_mK = ports_.thermometer.led_board_mK();
   status.epoch = epoch_.current();
   status.run_id = acquisition_.run_id();
-  status.frames_good = counters_.good;
-  status.frames_bad_header = counters_.bad_header + counters_.bad_length;
-  status.frames_bad_payload = counters_.bad_payload;
-  status.bytes_skipped = counters_.skipped_bytes;
+  count_damage(counters_, ports_.link, status);
   status.stale_session = stale_frames_;
   status.duplicates = duplicates_;
   status.unknown_events = unknown_events_;

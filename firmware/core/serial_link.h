@@ -33,6 +33,7 @@ class SerialLink final : public Link {
   [[nodiscard]] bool idle() const noexcept { return sent_ == encoded_size_ && frame_size_ == 0; }
   /// What arrived damaged: each counter names what was lost.
   [[nodiscard]] const protocol::LinkCounters& counters() const noexcept { return decoder_.counters(); }
+  [[nodiscard]] const protocol::LinkCounters* dropped() noexcept override { return &decoder_.counters(); }
   /// Frames that were longer than the line carries, and bytes between frames; 0 unless the core is wrong.
   [[nodiscard]] std::uint32_t unsendable() const noexcept { return unsendable_; }
 

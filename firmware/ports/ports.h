@@ -12,6 +12,7 @@
 
 #include "protocol/frame.h"
 #include "protocol/image_header.h"
+#include "protocol/link_decoder.h"
 #include "protocol/messages.h"
 #include "protocol/types.h"
 
@@ -37,6 +38,8 @@ class Link {
   [[nodiscard]] virtual bool connected() noexcept = 0;
   /// Longest payload of a wire frame on this carrier [B].
   [[nodiscard]] virtual std::uint32_t max_payload() noexcept { return protocol::kMaxPayload; }
+  /// What a carrier that checks frames itself has dropped since boot; null: it passes on every byte.
+  [[nodiscard]] virtual const protocol::LinkCounters* dropped() noexcept { return nullptr; }
 
  protected:
   ~Link() = default;

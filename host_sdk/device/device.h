@@ -147,8 +147,7 @@ class Device {
   [[nodiscard]] Result<protocol::UpdateState> update_status(const Wait& wait = {});
   /// Announces an image by its signed header. The device checks it before it erases anything, which may take
   /// many seconds; the same header again resumes.
-  /// Errors  kPermissionDenied: signature or security counter; kInvalidArgument: product, slot, address,
-  /// size.
+  /// Errors  kPermissionDenied: signature; kInvalidArgument: product, slot, address, size, security counter.
   [[nodiscard]] Status update_begin(const std::array<std::uint8_t, protocol::kImageHeaderBytes>& header,
                                     const Wait& wait = {.timeout = std::chrono::seconds(60)});
   /// Sends a part of the image's body that begins at `offset`. `wait.timeout` is for each piece.
