@@ -7,19 +7,11 @@
 #include <span>
 #include <vector>
 
+#include "firmware/backplane/check.h"
 #include "firmware/backplane/messages.h"
 #include "protocol/codec.h"
 
 namespace scatter::simulator {
-
-/// 0xFF - (sum of the bytes) mod 256.
-[[nodiscard]] inline std::byte backplane_check(std::span<const std::byte> bytes) noexcept {
-  unsigned sum = 0;
-  for (const std::byte b : bytes) {
-    sum += std::to_integer<unsigned>(b);
-  }
-  return static_cast<std::byte>(0xFFU - (sum & 0xFFU));
-}
 
 /// Adds a message to `line`.
 template <protocol::Message M>
@@ -30,7 +22,7 @@ void put_message(std::vector<std::byte>& line, const M& message) {
       *protocol::encode(message, std::span(bytes).subspan(2, firmware::backplane::kMaxPayload));
   bytes[0] = static_cast<std::byte>(M::kKind);
   bytes[1] = static_cast<std::byte>(size);
-  bytes[2 + size] = backplane_check(std::span(bytes).first(2 + size));
+  bytes[2 + size] = firmware::backplane::check_of(std::span(bytes).first(2 + size));
   line.insert(line.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(3 + size));
 }
 
@@ -58,7 +50,7 @@ class BackplaneDecoder {
         const auto whole = std::span<const std::byte>(bytes_).first(2 + length);
         on_message(Message{.kind = std::to_integer<std::uint8_t>(bytes_[0]),
                            .payload = whole.subspan(2),
-                           .intact = backplane_check(whole) == b});
+                           .intact = firmware::backplane::check_of(whole) == b});
       }
     }
   }

@@ -80,9 +80,7 @@ std::vector<std::string> arguments(const QemuFiles& files) {
       "-object",
       fmt::format("memory-backend-file,id=ps,size=16M,mem-path={},share=on", escaped(files.shared_memory)),
       "-kernel",
-      files.kernel.string(),
-      "-semihosting-config",
-      "enable=on,target=native"};
+      files.kernel.string()};
   for (const auto* line : {"u0", "u1", "qmp"}) {
     const std::size_t k = static_cast<std::size_t>(line[0] == 'q' ? 2 : line[1] - '0');
     list.insert(list.end(), {"-chardev", fmt::format("socket,id={},fd={}", line, kFirstLine + k)});

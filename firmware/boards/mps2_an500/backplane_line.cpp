@@ -1,25 +1,14 @@
 #include "firmware/boards/mps2_an500/backplane_line.h"
 
-#include <algorithm>
+#include "firmware/backplane/check.h"
 
 namespace scatter::firmware::mps2_an500 {
-namespace {
-
-[[nodiscard]] std::byte check_of(std::span<const std::byte> bytes) noexcept {
-  std::uint32_t sum = 0;
-  for (const std::byte byte : bytes) {
-    sum += static_cast<std::uint32_t>(byte);
-  }
-  return static_cast<std::byte>(0xFFU - (sum & 0xFFU));
-}
-
-}  // namespace
 
 bool BackplaneLine::send(backplane::Kind kind, std::span<std::byte> bytes, std::size_t payload) noexcept {
   bytes[0] = static_cast<std::byte>(kind);
   bytes[1] = static_cast<std::byte>(payload);
   const std::span<std::byte> whole = bytes.first(kHeadBytes + payload + 1);
-  whole.back() = check_of(whole.first(whole.size() - 1));
+  whole.back() = backplane::check_of(whole.first(whole.size() - 1));
   return uart_.write_room() >= whole.size() && uart_.write(whole) == whole.size();
 }
 
@@ -42,7 +31,7 @@ std::optional<BackplaneLine::Message> BackplaneLine::receive() noexcept {
     }
     held_ = 0;
     const std::span<const std::byte> whole = std::span(buffer_).first(wanted);
-    if (whole.back() != check_of(whole.first(wanted - 1))) {
+    if (whole.back() != backplane::check_of(whole.first(wanted - 1))) {
       ++damaged_;
       continue;
     }
