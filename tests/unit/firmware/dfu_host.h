@@ -76,7 +76,9 @@ class DfuHost {
   };
 
   /// Runs image 1.0.0, confirmed, from `running`.
-  explicit DfuHost(std::uint8_t running = 0) {
+  explicit DfuHost(std::uint8_t running = 0,
+                   Flash::Geometry geometry = {.unit_bytes = 4096, .units = 5, .program_bytes = 32})
+      : slots(geometry) {
     if (running < ImageSlots::kCount) {
       slots.install(make_image({.slot = running}), {{MarkKind::kConfirmed, 1}});
     }

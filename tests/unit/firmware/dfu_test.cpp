@@ -231,6 +231,64 @@ TEST_CASE("ABORT in the middle leaves dfuIDLE; the same file resumes and another
   CHECK(host.slots.violations() == 0);
 }
 
+TEST_CASE("A download resumes at an erase unit, wherever that lies against the device's chunks") {
+  // 4160 - 1024 is no multiple of 1024.
+  DfuHost host(0, {.unit_bytes = 4160, .units = 5, .program_bytes = 32});
+  host.slots.install(make_image({.slot_bytes = 5 * 4160}), {{MarkKind::kConfirmed, 1}});
+  host.boot();
+  const auto odd = make_package({.slot_bytes = 5 * 4160});
+  const Bytes bytes = odd.bytes();
+  host.enter_dfu_mode();
+  REQUIRE(host.send(std::span(bytes).first(kImage1 + 256 + 8000), 1000).state == State::kDnloadIdle);
+  host.boot();
+  const std::uint64_t first_unit = host.slots.parts[1].erases(0);
+  CHECK(host.download(bytes, 1000).status == DfuStatus::kOk);
+  CHECK(host.slots.parts[1].erases(0) == first_unit);
+  CHECK(host.ready_with(odd, 1));
+  CHECK(host.slots.violations() == 0);
+}
+
+TEST_CASE("A file whose header is the same and whose body is not, is noticed when it resumes") {
+  DfuHost host;
+  host.enter_dfu_mode();
+  REQUIRE(host.send(std::span(file()).first(kImage1 + 256 + 8000), 1000).state == State::kDnloadIdle);
+  REQUIRE_FALSE(host.ask(Code::kAbort).stall);
+  Bytes bad = file();
+  bad[kImage1 + 256 + 100] ^= std::byte{1};
+  CHECK(host.download(bad, 1000).status == DfuStatus::kErrVerify);
+}
+
+TEST_CASE("A download that somebody else disturbed between two blocks ends with errUNKNOWN") {
+  DfuHost host;
+  host.enter_dfu_mode();
+  const std::size_t sent = kImage1 + 256 + 2000;
+  REQUIRE(host.send(std::span(file()).first(sent), 4096).state == State::kDnloadIdle);
+  REQUIRE(host.receiver->begin({}).status == scatter::protocol::StatusCode::kInvalidArgument);
+  const auto number = static_cast<std::uint16_t>((sent + 4095) / 4096);
+  CHECK(host.send(std::span(file()).subspan(sent), 4096, number).status == DfuStatus::kErrUnknown);
+  CHECK_FALSE(host.ready_with(package(), 1));
+}
+
+TEST_CASE("An error while flash is erased stops the erasing, and the next download is free to begin") {
+  DfuHost host;
+  host.enter_dfu_mode();
+  REQUIRE(host.send(std::span(file()).first(kImage1), 4096).state == State::kDnloadIdle);
+  REQUIRE_FALSE(host.ask(Code::kDnload, 3, std::span(file()).subspan(kImage1, 300)).stall);
+  for (int i = 0; i < 100 && !host.receiver->busy(); ++i) {
+    host.device->poll();
+  }
+  REQUIRE(host.receiver->busy());
+  SECTION("by a request that the state does not allow") {
+    REQUIRE(host.ask(Code::kUpload).stall);
+  }
+  SECTION("by a bus reset") {
+    REQUIRE(host.device->bus_reset() == DfuAfterReset::kRunTime);
+  }
+  CHECK_FALSE(host.receiver->busy());
+  CHECK(host.download(file(), 1000).status == DfuStatus::kOk);
+  CHECK(host.ready_with(package(), 1));
+}
+
 TEST_CASE("After a power cut at any operation a new download ends ready") {
   std::uint64_t operations = 0;
   {
