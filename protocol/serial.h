@@ -27,7 +27,8 @@ namespace scatter::protocol {
 class SerialDecoder {
  public:
   /// `buffer` must outlive the decoder and hold a whole frame (kFrameOverhead + max_payload).
-  constexpr explicit SerialDecoder(std::span<std::byte> buffer, std::uint32_t max_payload = kMaxSerialPayload) noexcept
+  constexpr explicit SerialDecoder(std::span<std::byte> buffer,
+                                   std::uint32_t max_payload = kMaxSerialPayload) noexcept
       : cobs_(buffer), max_payload_(max_payload) {}
 
   /// As LinkDecoder::push.
