@@ -13,8 +13,11 @@
 #include <vector>
 
 #include "firmware/core/instrument.h"
+#include "tests/fuzz/input.h"
 #include "tests/unit/firmware/fake_board.h"
 #include "tests/unit/firmware/test_images.h"
+
+using scatter::fuzz::Input;
 
 namespace {
 
@@ -28,31 +31,6 @@ void require(bool good, const char* promise) {
     std::abort();
   }
 }
-
-class Input {
- public:
-  Input(const std::uint8_t* data, std::size_t size) : bytes_(data, size) {}
-  [[nodiscard]] bool empty() const { return bytes_.empty(); }
-  std::uint8_t byte() {
-    if (bytes_.empty()) {
-      return 0;
-    }
-    const std::uint8_t value = bytes_[0];
-    bytes_ = bytes_.subspan(1);
-    return value;
-  }
-  std::uint16_t word() { return static_cast<std::uint16_t>(byte() | (byte() << 8)); }
-  std::vector<std::byte> some(std::size_t count) {
-    std::vector<std::byte> out;
-    for (std::size_t i = 0; i < count && !bytes_.empty(); ++i) {
-      out.push_back(static_cast<std::byte>(byte()));
-    }
-    return out;
-  }
-
- private:
-  std::span<const std::uint8_t> bytes_;
-};
 
 class Session {
  public:

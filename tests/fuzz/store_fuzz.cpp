@@ -16,8 +16,10 @@
 #include "protocol/crc.h"
 #include "protocol/endian.h"
 #include "simulator/faults/cut_flash.h"
+#include "tests/fuzz/input.h"
 #include "tests/fuzz/require.h"
 
+using scatter::fuzz::Input;
 using scatter::fuzz::require;
 using namespace scatter::firmware;
 using namespace scatter::protocol;
@@ -33,30 +35,6 @@ constexpr std::array<Flash::Geometry, 2> kGeometries{{{.unit_bytes = 2048, .unit
                                                       {.unit_bytes = 1024, .units = 8, .program_bytes = 64}}};
 constexpr std::uint32_t kFlashBytes = 8192;
 constexpr std::uint32_t kPlaceStep = 2048;  // Where records can begin, in both.
-
-class Input {
- public:
-  Input(const std::uint8_t* data, std::size_t size) : bytes_(data, size) {}
-  [[nodiscard]] bool empty() const { return bytes_.empty(); }
-  std::uint8_t byte() {
-    if (bytes_.empty()) {
-      return 0;
-    }
-    const std::uint8_t value = bytes_[0];
-    bytes_ = bytes_.subspan(1);
-    return value;
-  }
-  std::uint32_t word() { return byte() | static_cast<std::uint32_t>(byte()) << 8U; }
-  Bytes some(std::size_t count) {
-    const std::span<const std::uint8_t> taken = bytes_.first(std::min(count, bytes_.size()));
-    bytes_ = bytes_.subspan(taken.size());
-    const auto view = std::as_bytes(taken);
-    return {view.begin(), view.end()};
-  }
-
- private:
-  std::span<const std::uint8_t> bytes_;
-};
 
 /// A payload of entries, most of them as the store writes them.
 Bytes payload_from(Input& input) {
