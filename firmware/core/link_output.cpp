@@ -109,6 +109,7 @@ std::size_t LinkOutput::write_control() noexcept {
   drop(taken);
   control_left_ -= taken;
   if (control_left_ == 0) {
+    link_.end_frame();
     writing_ = Writing::kNothing;
   }
   return taken;
@@ -119,6 +120,7 @@ std::size_t LinkOutput::write_stream() noexcept {
   const std::size_t taken = std::min(left, link_.write({stream_.data() + stream_sent_, left}));
   stream_sent_ += taken;
   if (stream_sent_ == stream_size_) {
+    link_.end_frame();
     stream_size_ = stream_sent_ = 0;
     writing_ = Writing::kNothing;
   }

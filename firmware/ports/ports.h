@@ -34,6 +34,8 @@ class Link {
   [[nodiscard]] virtual std::size_t read(std::span<std::byte> out) noexcept = 0;
   /// Takes as many of `bytes` as the carrier has room for now (may be 0); the rest stays with the caller.
   [[nodiscard]] virtual std::size_t write(std::span<const std::byte> bytes) noexcept = 0;
+  /// The bytes written so far end a wire frame: a carrier that moves packets can end its transfer here.
+  virtual void end_frame() noexcept {}
   /// False when no host is attached; bytes written then are discarded.
   [[nodiscard]] virtual bool connected() noexcept = 0;
   /// Longest payload of a wire frame on this carrier [B].
@@ -196,6 +198,16 @@ class Verifier {
   ~Verifier() = default;
 };
 
+/// The measure button. Optional.
+class Button {
+ public:
+  /// Presses since boot, bounces not counted.
+  [[nodiscard]] virtual std::uint32_t presses() noexcept = 0;
+
+ protected:
+  ~Button() = default;
+};
+
 /// Everything a board gives. Pointers may be null where said optional; all outlive the core.
 struct Ports {
   Clock& clock;
@@ -211,6 +223,7 @@ struct Ports {
   ReferenceStage* reference_stage = nullptr;  ///< Optional.
   ImageSlots* image_slots = nullptr;          ///< Optional: no update without both of these.
   Verifier* verifier = nullptr;
+  Button* button = nullptr;                         ///< Optional.
   std::string_view build_id = "openscatter 0.1.0";  ///< Firmware version in HELLO, at most 32 bytes.
 };
 

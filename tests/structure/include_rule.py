@@ -17,6 +17,7 @@ ARROWS = {
     "firmware/ports": ["protocol"],
     "firmware/image": ["firmware/ports"],
     "firmware/core": ["firmware/ports", "firmware/image"],
+    "firmware/core/usb": ["firmware/core"],
     "firmware/boot": ["firmware/core"],
     "firmware/crypto": ["firmware/ports", "firmware/keys"],
     "firmware/keys": ["protocol"],
@@ -33,6 +34,7 @@ ARROWS = {
     "host_sdk/formats": ["host_sdk/reflectance/models", "host_sdk/images"],
     "host_sdk/firmware_files": ["host_sdk/error", "protocol"],
     "host_sdk/device": ["host_sdk/error", "protocol", "host_sdk/firmware_files"],
+    "host_sdk/device/usb": ["host_sdk/device"],
     "host_sdk/measurement": ["host_sdk/device", "host_sdk/reflectance", "host_sdk/simd"],
     "host_sdk/c_api": ["host_sdk/measurement", "host_sdk/formats", "host_sdk/reflectance/estimators"],
     "host_sdk/python": ["host_sdk/c_api"],
@@ -41,8 +43,10 @@ ARROWS = {
     "simulator/samples": ["simulator/corrosion", "simulator/random", "host_sdk/formats"],
     "simulator/bench": ["simulator/samples", "simulator/random", "protocol"],
     "simulator/faults": ["simulator/random", "host_sdk/error", "firmware/ports"],
-    "simulator/instrument": ["simulator/bench", "simulator/faults", "firmware/core", "firmware/boot",
-                             "firmware/crypto"],
+    "simulator/usb": ["simulator/faults", "firmware/core/usb"],
+    "simulator/instrument": ["simulator/bench", "simulator/faults", "simulator/usb", "firmware/core", "firmware/core/usb",
+                             "firmware/boot", "firmware/crypto"],
+    "simulator/usbip": ["simulator/instrument"],
     "simulator/emulator": ["simulator/instrument", "firmware/backplane", "host_sdk/firmware_files"],
     # Tools and the documents' examples stand on everything; "*" is every row above. A tool includes another only
     # where its row says so.
@@ -56,7 +60,7 @@ ARROWS = {
 }
 
 # The wire and the firmware run without an operating system and without a heap.
-FREESTANDING = ("protocol", "firmware/ports", "firmware/image", "firmware/core", "firmware/boot", "firmware/backplane",
+FREESTANDING = ("protocol", "firmware/ports", "firmware/image", "firmware/core", "firmware/core/usb", "firmware/boot", "firmware/backplane",
                 "firmware/keys", "firmware/boards")
 HOSTED = set(
     "iostream ostream istream sstream fstream iomanip locale regex string vector map set unordered_map "
