@@ -8,7 +8,7 @@
 #include <optional>
 #include <span>
 
-#include "protocol/types.h"
+#include "protocol/messages.h"
 
 namespace scatter::protocol {
 
