@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <optional>
 #include <utility>
@@ -15,9 +14,9 @@
 
 #include <fmt/format.h>
 
-#include "firmware/core/step.h"
 #include "simulator/instrument/host_connection.h"
 #include "simulator/instrument/listener.h"
+#include "simulator/instrument/pace.h"
 #include "simulator/instrument/served_device.h"
 #include "simulator/instrument/virtual_instrument.h"
 
@@ -63,12 +62,6 @@ class ServedInstrument final : public ServedDevice {
  private:
   VirtualInstrument& instrument_;
 };
-
-std::uint64_t microseconds_since(std::chrono::steady_clock::time_point start) {
-  return static_cast<std::uint64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::steady_clock::now() - start)
-          .count());
-}
 
 }  // namespace
 
@@ -161,7 +154,7 @@ Status Server::serve(const std::stop_token& stop) {
     (void)!::write(stop_event.number(), &one, sizeof one);
   });
   ServedDevice& device = parts_->device;
-  const bool is_virtual = device.clock_mode() == ClockMode::kVirtual;
+  Pace pace(device.clock_mode());
   while (!stop.stop_requested()) {
     parts_->accept_all();
     const Result<std::uint64_t> ran = device.run_ready();
@@ -174,28 +167,14 @@ Status Server::serve(const std::stop_token& stop) {
         continue;
       }
     }
-    const std::uint64_t now = device.now_us();
-    std::uint64_t pause = wake > now ? wake - now : 0;
     const bool host_is_slow = parts_->host && parts_->host->host_is_slow();
-    // Nothing is scheduled: the device sleeps until the host asks for something.
-    const bool idle = pause >= firmware::kLongestSleepUs;
-    if (is_virtual && !idle && !host_is_slow) {
-      // A look at the sockets without waiting, so that an endless run still hears its host.
-      if (Status looked = parts_->wait(stop_event.number(), 0); !looked) {
-        return looked;
-      }
-      device.advance_to(wake);
-      continue;
-    }
-    if (host_is_slow) {
-      pause = std::max<std::uint64_t>(pause, 1000);  // Time stands still: the next event never comes closer.
-    }
-    const auto start = std::chrono::steady_clock::now();
-    if (Status waited = parts_->wait(stop_event.number(), pause); !waited) {
+    // A wait of 0 looks at the sockets all the same, so that an endless run still hears its host.
+    const std::uint64_t wait = pace.wait_us(device.now_us(), wake, host_is_slow);
+    if (Status waited = parts_->wait(stop_event.number(), wait); !waited) {
       return waited;
     }
-    if (is_virtual && !host_is_slow) {
-      device.advance_to(std::min(wake, now + microseconds_since(start)));
+    if (const auto time = pace.time_after_wait()) {
+      device.advance_to(*time);
     }
   }
   if (parts_->host) {
