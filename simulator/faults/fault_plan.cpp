@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::string_view kRemedy =
     "use one of drop:RATE, corrupt:RATE, duplicate:RATE, reorder:RATE, truncate:RATE, garbage:RATE, "
-    "stall:AT_BYTE[:MS], disconnect:AT_BYTE, readout:RATE, led:INDEX, reset:AT_FRAME, joined by '+'";
+    "stall:AT_BYTE[:MS], disconnect:AT_BYTE, usb_stall:RATE, usb_short:RATE, usb_babble:RATE, readout:RATE, "
+    "led:INDEX, reset:AT_FRAME, joined by '+'";
 
 std::unexpected<Error> refuse(std::string what) {
   return fail(ErrorCode::kInvalidArgument, std::move(what), std::string(kRemedy));
@@ -56,6 +57,20 @@ double LinkRates::* rate_member(std::string_view name) {
     }
   }
   return nullptr;
+}
+
+/// The chance that has no direction and that this name sets; null for other names.
+double* directionless_rate(std::string_view name, FaultPlan& plan) {
+  if (name == "readout") {
+    return &plan.readout;
+  }
+  if (name == "usb_stall") {
+    return &plan.usb.stall;
+  }
+  if (name == "usb_short") {
+    return &plan.usb.short_read;
+  }
+  return name == "usb_babble" ? &plan.usb.babble : nullptr;
 }
 
 struct Item {
@@ -115,18 +130,19 @@ Status add_one(const Item& item, FaultPlan& plan) {
     plan.stalls.push_back(stall);
     return {};
   }
-  if (item.name != "readout" && item.name != "led" && item.name != "reset") {
+  double* const single_rate = directionless_rate(item.name, plan);
+  if (single_rate == nullptr && item.name != "led" && item.name != "reset") {
     return refuse(fmt::format("unknown fault \"{}\"", item.text));
   }
   if (item.direction) {
-    return refuse(fmt::format("fault \"{}\" is not a fault of the link and takes no direction", item.text));
+    return refuse(fmt::format("fault \"{}\" takes no direction", item.text));
   }
-  if (item.name == "readout") {
+  if (single_rate != nullptr) {
     const Result<double> rate = parse_rate(item);
     if (!rate) {
       return std::unexpected(rate.error());
     }
-    plan.readout = *rate;
+    *single_rate = *rate;
     return {};
   }
   if (item.name == "led") {

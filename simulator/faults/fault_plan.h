@@ -40,9 +40,19 @@ struct Disconnect {
   std::uint64_t at_byte = 0;
 };
 
+/// Chances per IN transfer of the USB bulk pipe, each 0..1; without effect on other carriers.
+struct UsbRates {
+  double stall = 0;  ///< The endpoint halts; what waited in it is lost.
+  double short_read =
+      0;              ///< The transfer ends early, maybe before its first byte; the rest comes in the next.
+  double babble = 0;  ///< The device sends more than was asked for: the transfer's bytes are lost.
+  [[nodiscard]] constexpr bool any() const noexcept { return stall > 0 || short_read > 0 || babble > 0; }
+};
+
 /// Every fault of a run. Default: none.
 struct FaultPlan {
   std::array<LinkRates, 2> link;  ///< Indexed by Direction.
+  UsbRates usb;
   std::vector<Stall> stalls;
   std::vector<Disconnect> disconnects;
   double readout = 0;                         ///< Chance per frame that its readout fails.
@@ -59,7 +69,8 @@ struct FaultPlan {
 /// Grammar   FAULT ('+' FAULT)*, FAULT = NAME ':' VALUE [':' MS] [':to_host' | ':to_device'].
 ///           Rates apply to both directions unless one is named; stall and disconnect to to_host.
 /// Names     drop corrupt duplicate reorder truncate garbage (RATE 0..1), stall:AT_BYTE[:MS],
-///           disconnect:AT_BYTE, readout:RATE, led:INDEX, reset:AT_FRAME.
+///           disconnect:AT_BYTE, usb_stall:RATE, usb_short:RATE, usb_babble:RATE, readout:RATE, led:INDEX,
+///           reset:AT_FRAME.
 /// Errors    kInvalidArgument naming the fault, what was expected and what was found; plan untouched.
 [[nodiscard]] Status add_faults(std::string_view text, FaultPlan& plan);
 

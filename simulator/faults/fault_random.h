@@ -15,6 +15,9 @@ enum class FaultKey : std::uint32_t {
   kTruncate = 5,
   kGarbage = 6,
   kReadout = 7,
+  kUsbStall = 8,
+  kUsbShort = 9,
+  kUsbBabble = 10,
 };
 
 /// Four independent uniform 32-bit numbers. `part` tells several draws at one position apart.

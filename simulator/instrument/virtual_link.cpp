@@ -16,25 +16,8 @@ void ByteQueue::drop_front(std::size_t count) {
 
 VirtualLink::VirtualLink(VirtualClock& clock, const FaultPlan& plan, std::uint64_t seed)
     : clock_(clock),
-      lanes_{Lane{.queue = {},
-                  .faults = {plan.rates(Direction::kToHost), seed, Direction::kToHost},
-                  .faulty = plan.rates(Direction::kToHost).any(),
-                  .passed = 0,
-                  .stalls = {},
-                  .disconnects = {}},
-             Lane{.queue = {},
-                  .faults = {plan.rates(Direction::kToDevice), seed, Direction::kToDevice},
-                  .faulty = plan.rates(Direction::kToDevice).any(),
-                  .passed = 0,
-                  .stalls = {},
-                  .disconnects = {}}} {
-  for (const Stall& stall : plan.stalls) {
-    lane(stall.direction).stalls.push_back({.stall = stall, .began_us = {}, .over = false});
-  }
-  for (const Disconnect& disconnect : plan.disconnects) {
-    lane(disconnect.direction).disconnects.push_back(disconnect.at_byte);
-  }
-}
+      lanes_{Lane{.queue = {}, .faults = {plan, seed, Direction::kToHost}},
+             Lane{.queue = {}, .faults = {plan, seed, Direction::kToDevice}}} {}
 
 std::size_t VirtualLink::read(std::span<std::byte> out) noexcept {
   ByteQueue& queue = lane(Direction::kToDevice).queue;
@@ -106,7 +89,7 @@ std::size_t VirtualLink::writable() {
 
 void VirtualLink::tick() {
   for (Lane& each : lanes_) {
-    if (each.faulty && attached_) {
+    if (each.faults.harms_frames() && attached_) {
       scratch_.clear();
       each.faults.release_due(clock_.since_power_on_us(), scratch_);
       each.queue.push(scratch_);
@@ -116,62 +99,31 @@ void VirtualLink::tick() {
 
 std::optional<std::uint64_t> VirtualLink::next_event_us() const noexcept {
   std::optional<std::uint64_t> next;
-  const auto consider = [&next](std::optional<std::uint64_t> time) {
-    if (time && (!next || *time < *next)) {
-      next = time;
-    }
-  };
   for (const Lane& each : lanes_) {
-    consider(each.faults.due_us());
-    for (const StallState& state : each.stalls) {
-      if (state.began_us && !state.over && state.stall.duration_us) {
-        consider(*state.began_us + *state.stall.duration_us);
-      }
+    if (const auto time = each.faults.next_event_us(); time && (!next || *time < *next)) {
+      next = time;
     }
   }
   return next;
 }
 
 std::size_t VirtualLink::allowed(Lane& lane, std::size_t wanted) {
-  std::size_t count = wanted;
-  for (StallState& state : lane.stalls) {
-    if (state.began_us && state.stall.duration_us &&
-        clock_.since_power_on_us() >= *state.began_us + *state.stall.duration_us) {
-      state.over = true;
-    }
-    if (state.over) {
-      continue;
-    }
-    if (lane.passed >= state.stall.at_byte) {
-      if (!state.began_us) {
-        state.began_us = clock_.since_power_on_us();
-      }
-      return 0;
-    }
-    count = std::min<std::size_t>(count, state.stall.at_byte - lane.passed);
-  }
-  for (const std::uint64_t position : lane.disconnects) {
-    count = std::min<std::size_t>(count, position - std::min(position, lane.passed));
-  }
-  return count;
+  return lane.faults.allowed(wanted, clock_.since_power_on_us());
 }
 
 void VirtualLink::crossed(Lane& lane, std::size_t count) {
-  lane.passed += count;
-  const std::size_t broken =
-      std::erase_if(lane.disconnects, [&lane](std::uint64_t position) { return lane.passed >= position; });
-  if (broken > 0) {
+  if (lane.faults.crossed(count)) {
     detach();
   }
 }
 
 void VirtualLink::carry(Lane& lane, std::span<const std::byte> bytes) {
-  if (!lane.faulty) {
+  if (!lane.faults.harms_frames()) {
     lane.queue.push(bytes);
     return;
   }
   scratch_.clear();
-  lane.faults.pass(bytes, clock_.since_power_on_us(), scratch_);
+  lane.faults.carry(bytes, clock_.since_power_on_us(), scratch_);
   lane.queue.push(scratch_);
 }
 

@@ -10,7 +10,7 @@
 
 #include "firmware/ports/ports.h"
 #include "simulator/faults/fault_plan.h"
-#include "simulator/faults/frame_faults.h"
+#include "simulator/faults/lane_faults.h"
 #include "simulator/instrument/virtual_clock.h"
 
 namespace scatter::simulator {
@@ -70,18 +70,9 @@ class VirtualLink final : public firmware::Link {
   }
 
  private:
-  struct StallState {
-    Stall stall;
-    std::optional<std::uint64_t> began_us;
-    bool over = false;
-  };
   struct Lane {
     ByteQueue queue;
-    FrameFaults faults;
-    bool faulty = false;
-    std::uint64_t passed = 0;  ///< Bytes that crossed the host's edge of the link since power-on.
-    std::vector<StallState> stalls;
-    std::vector<std::uint64_t> disconnects;  ///< Positions still to come.
+    LaneFaults faults;  ///< Its counting edge is the host's.
   };
 
   [[nodiscard]] const Lane& lane(Direction direction) const noexcept {

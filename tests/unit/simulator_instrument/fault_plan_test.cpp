@@ -29,7 +29,7 @@ TEST_CASE("A rate without a direction applies to both directions, with one to th
 TEST_CASE("Every named fault is known, and faults join with plus") {
   const FaultPlan plan = plan_of(
       "drop:0.1+corrupt:0.2+duplicate:0.3+reorder:0.4+truncate:0.5+garbage:0.6+stall:100:250+"
-      "disconnect:7:to_device+readout:0.7+led:3+led:4+reset:9");
+      "disconnect:7:to_device+usb_stall:0.8+usb_short:0.9+usb_babble:1+readout:0.7+led:3+led:4+reset:9");
   const LinkRates& rates = plan.rates(Direction::kToHost);
   CHECK(rates.drop == 0.1);
   CHECK(rates.corrupt == 0.2);
@@ -44,6 +44,9 @@ TEST_CASE("Every named fault is known, and faults join with plus") {
   REQUIRE(plan.disconnects.size() == 1);
   CHECK(plan.disconnects[0].at_byte == 7);
   CHECK(plan.disconnects[0].direction == Direction::kToDevice);
+  CHECK(plan.usb.stall == 0.8);
+  CHECK(plan.usb.short_read == 0.9);
+  CHECK(plan.usb.babble == 1);
   CHECK(plan.readout == 0.7);
   CHECK(plan.dead_leds == std::vector<std::uint8_t>{3, 4});
   CHECK(plan.reset_at_frame == std::vector<std::uint64_t>{9});
@@ -64,6 +67,10 @@ TEST_CASE("A wrong fault is refused with its name and a remedy, and changes noth
                                       "stall:1:y",
                                       "disconnect:-1",
                                       "readout:0.1:to_host",
+                                      "usb_stall:0.1:to_host",
+                                      "usb_short:1.1",
+                                      "usb_babble:",
+                                      "usb_drop:0.1",
                                       "led:256",
                                       "led:0:to_device",
                                       "reset:0",
@@ -79,6 +86,7 @@ TEST_CASE("A wrong fault is refused with its name and a remedy, and changes noth
     CHECK(added.error().code == ErrorCode::kInvalidArgument);
     CHECK_FALSE(added.error().what.empty());
     CHECK(added.error().remedy.find("drop:RATE") != std::string::npos);
+    CHECK_FALSE(plan.usb.any());
     CHECK_FALSE(plan.rates(Direction::kToHost).any());
     CHECK_FALSE(plan.rates(Direction::kToDevice).any());
   }
