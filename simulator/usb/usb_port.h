@@ -64,6 +64,9 @@ class UsbPort {
   /// In order of completion.
   [[nodiscard]] virtual std::optional<UsbCompletion> next_completion() = 0;
   [[nodiscard]] virtual std::size_t under_way() const = 0;
+  /// A bulk endpoint holds bytes for the host and no transfer is there to take them: virtual time stands
+  /// still meanwhile (pace.h), so that a host slower than virtual time loses nothing.
+  [[nodiscard]] virtual bool host_is_slow() const = 0;
 };
 
 }  // namespace scatter::simulator
