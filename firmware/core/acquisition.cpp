@@ -76,6 +76,13 @@ void Acquisition::end_now(RunEnd reason) noexcept {
   finished_ = false;
 }
 
+void Acquisition::abort_from_outside() noexcept {
+  if (active()) {
+    end_now(RunEnd::kAborted);
+    finished_ = true;
+  }
+}
+
 protocol::RunState Acquisition::state() const noexcept {
   switch (phase_) {
     case Phase::kIdle:

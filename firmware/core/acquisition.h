@@ -52,6 +52,8 @@ class Acquisition {
   void stop() noexcept;
   /// Ends the run now, in any state: LED off, sensor released, the frame in hand is lost_firmware.
   void end_now(protocol::RunEnd reason) noexcept;
+  /// end_now() with kAborted by somebody else than the host of the run: take_finished() tells of it.
+  void abort_from_outside() noexcept;
 
   /// One bounded piece of work.
   [[nodiscard]] Step step() noexcept;
@@ -62,7 +64,7 @@ class Acquisition {
   [[nodiscard]] std::uint32_t run_id() const noexcept { return report_.run_id; }
   /// Of the run under way or the last one; run_id 0 = none yet.
   [[nodiscard]] const protocol::RunReport& report() const noexcept { return report_; }
-  /// True once after a run that start() began has ended by itself or by stop().
+  /// True once after a run that start() began has ended by itself, by stop() or by abort_from_outside().
   [[nodiscard]] bool take_finished() noexcept;
 
  private:

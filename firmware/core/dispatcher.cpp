@@ -94,6 +94,7 @@ void Dispatcher::on_event(const Frame& frame) noexcept {
 }
 
 void Dispatcher::execute(const Frame& frame) noexcept {
+  (void)tell_finished();  // Before a start that would make the end of the last run forgotten.
   const Header& h = frame.header();
   switch (frame.id()) {
     case MessageId::kHello:
@@ -246,22 +247,14 @@ Step Dispatcher::poll() noexcept {
   if (!output_.has_control_room()) {
     return {};
   }
-  if (acquisition_.take_finished()) {
-    if (stop_request_) {
-      answer_stop();
-    } else {
-      const protocol::RunReport& r = acquisition_.report();
-      (void)events_.event(protocol::RunFinished{.run_id = r.run_id,
-                                                .reason = r.reason,
-                                                .ledger = r.ledger,
-                                                .frames_sent = r.frames_sent,
-                                                .started_us = r.started_us,
-                                                .ended_us = r.ended_us,
-                                                .held_us = r.held_us});
-    }
+  if (tell_finished()) {
     return {.did_work = true, .wake_at_us = 0};
   }
   if (waiting_ != Waiting::kNothing) {
+    if (start_aborted_) {
+      cancel_start();
+      return {.did_work = true, .wake_at_us = 0};
+    }
     if (stage_.moving()) {
       return {.did_work = false, .wake_at_us = stage_.settled_at_us()};
     }
@@ -274,8 +267,28 @@ Step Dispatcher::poll() noexcept {
   return {};
 }
 
+bool Dispatcher::tell_finished() noexcept {
+  if (!acquisition_.take_finished()) {
+    return false;
+  }
+  if (stop_request_) {
+    answer_stop();
+    return true;
+  }
+  const protocol::RunReport& r = acquisition_.report();
+  (void)events_.event(protocol::RunFinished{.run_id = r.run_id,
+                                            .reason = r.reason,
+                                            .ledger = r.ledger,
+                                            .frames_sent = r.frames_sent,
+                                            .started_us = r.started_us,
+                                            .ended_us = r.ended_us,
+                                            .held_us = r.held_us});
+  return true;
+}
+
 void Dispatcher::wait_for_stage(const Header& request, Waiting waiting) noexcept {
   waiting_ = waiting;
+  start_aborted_ = false;
   waiting_request_ = request;
   reply_pending(request, stage_.settled_at_us());
 }
@@ -331,13 +344,21 @@ void Dispatcher::object_read(const Header& request, const protocol::ObjectRead& 
 }
 
 void Dispatcher::reboot(const Header& request) noexcept {
+  restart();
+  reply_status(request, StatusCode::kOk);
+}
+
+void Dispatcher::reboot_from_outside() noexcept {
+  restart();
+}
+
+void Dispatcher::restart() noexcept {
   acquisition_.end_now(protocol::RunEnd::kAborted);
   if (stop_request_) {
     answer_stop();
   }
   cancel_waiting();
   abort_update();
-  reply_status(request, StatusCode::kOk);
   reboot_at_us_ = ports_.clock.now_us() + kRebootGraceUs;
 }
 

@@ -39,9 +39,19 @@ class Dispatcher {
   /// Work that waits for something else: stage settled, run ended, reboot. Bounded.
   [[nodiscard]] Step poll() noexcept;
 
+  /// The message abort, asked for past the link: the run ends at once. Its host gets run_finished with the
+  /// reason aborted, or the reply of its stop, when the link has room; a start that waits for the stage gets
+  /// ABORTED.
+  void abort_from_outside() noexcept;
+  /// The message reboot, asked for past the link.
+  void reboot_from_outside() noexcept;
+
   [[nodiscard]] bool session_open() const noexcept { return session_open_; }
+  /// Null without slots or verifier. In DFU mode, when no host is on the link, the DFU device's.
+  [[nodiscard]] UpdateReceiver* update_receiver() noexcept { return update_ ? &*update_ : nullptr; }
   /// Longest turn of the main loop so far, for the status [us].
   void took(std::uint32_t poll_us) noexcept { worst_poll_us_ = std::max(worst_poll_us_, poll_us); }
+  [[nodiscard]] std::uint32_t worst_poll_us() const noexcept { return worst_poll_us_; }
   /// A reboot was asked for and handed to the board.
   [[nodiscard]] bool rebooting() const noexcept { return rebooting_; }
 
@@ -96,6 +106,8 @@ class Dispatcher {
   void wait_for_stage(const Header& request, Waiting waiting) noexcept;
   void cancel_waiting() noexcept;
   void cancel_start() noexcept;
+  void restart() noexcept;
+  [[nodiscard]] bool tell_finished() noexcept;
   void answer_stop() noexcept;
   void settled() noexcept;
   [[nodiscard]] bool stage_is_free(const Header& request) noexcept;
@@ -127,6 +139,7 @@ class Dispatcher {
   std::uint64_t unix_offset_us_ = 0;  // Host's clock less the device's; 0 = unknown.
 
   Waiting waiting_ = Waiting::kNothing;
+  bool start_aborted_ = false;  // A waiting start gets ABORTED when the link has room.
   Header waiting_request_;
   protocol::Start waiting_start_;
   std::optional<Header> stop_request_;

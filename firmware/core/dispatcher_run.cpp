@@ -126,6 +126,11 @@ void Dispatcher::abort(const Header& request) noexcept {
   reply(request, acquisition_.report());
 }
 
+void Dispatcher::abort_from_outside() noexcept {
+  acquisition_.abort_from_outside();
+  start_aborted_ = waiting_ == Waiting::kStart;
+}
+
 void Dispatcher::get_status(const Header& request) noexcept {
   protocol::DeviceStatus status;
   status.run_state = static_cast<std::uint8_t>(acquisition_.state());

@@ -71,6 +71,15 @@ class InstrumentCore {
   /// Of the run under way or the last one.
   [[nodiscard]] const protocol::RunReport& run_report() const noexcept { return acquisition_.report(); }
   [[nodiscard]] bool session_open() const noexcept { return dispatcher_.session_open(); }
+  /// Longest turn of the main loop so far [us].
+  [[nodiscard]] std::uint32_t worst_poll_us() const noexcept { return dispatcher_.worst_poll_us(); }
+
+  /// For who reaches the instrument past the link (firmware/core/usb): as the messages abort and reboot.
+  void abort() noexcept { dispatcher_.abort_from_outside(); }
+  void reboot() noexcept { dispatcher_.reboot_from_outside(); }
+  /// Null without slots or verifier. Whoever uses it sees to it that no host is on the link meanwhile.
+  [[nodiscard]] UpdateReceiver* update_receiver() noexcept { return dispatcher_.update_receiver(); }
+
   /// Of this boot, for crash snapshots.
   [[nodiscard]] std::uint32_t boot_count() const noexcept { return state_.boot_count(); }
 

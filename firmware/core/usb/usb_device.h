@@ -15,26 +15,20 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
-#include <string_view>
 
 #include "firmware/core/dfu_device.h"
 #include "firmware/core/step.h"
+#include "firmware/core/usb/control_request.h"
+#include "firmware/core/usb/rescue_endpoints.h"
 #include "firmware/core/usb/rescue_service.h"
+#include "firmware/core/usb/usb_descriptors.h"
 #include "firmware/core/usb/usb_link.h"
 #include "firmware/ports/ports.h"
 #include "firmware/ports/usb_controller.h"
 
 namespace scatter::firmware {
-
-/// Who is on the bus. UTF-8, at most 126 UTF-16 units each; the views outlive the device.
-struct UsbIdentity {
-  std::string_view manufacturer;
-  std::string_view product;
-  std::string_view serial;         ///< Unique; empty = none. For Windows: 0x20..0x7E without comma.
-  std::uint16_t release_bcd = 0;   ///< bcdDevice: 0x0102 is 1.2.
-  bool high_speed_capable = true;  ///< Of the controller; else there is no device qualifier.
-};
 
 /// What the device stands on; all outlive it.
 struct UsbParts {
@@ -46,11 +40,14 @@ struct UsbParts {
   RescueService* rescue = nullptr;  ///< Null: there is no application, DFU mode only.
 };
 
-/// RAM: see usb_device.cpp's static_assert; no heap. Threads: one, that of the main loop.
+/// RAM: 5.1 KiB on 32 bit, 4 KiB of it for the data of a DFU block; no heap. Threads: one, that of the main
+/// loop.
 class UsbDevice {
  public:
   /// Off the bus for this long before it joins in another mode [us].
   static constexpr std::uint64_t kAwayUs = 250'000;
+  /// Left to the host for the status stage of DETACH [us].
+  static constexpr std::uint64_t kStatusStageUs = 20'000;
 
   UsbDevice(const UsbParts& parts, const UsbIdentity& identity) noexcept;
   UsbDevice(const UsbDevice&) = delete;
@@ -60,19 +57,71 @@ class UsbDevice {
   /// events, moves rescue reports, does one bounded piece of a DFU download. Worst case: DfuDevice::poll.
   ///
   /// After DETACH it leaves the bus by itself and joins again in DFU mode; after a bus reset behind a
-  /// finished download it leaves the bus and calls Reset::reboot, and does nothing more.
+  /// finished download it leaves the bus, calls Reset::reboot, and does nothing more.
+  ///
+  /// wake_at_us: as InstrumentCore::poll's; an event of the controller, room in an IN endpoint and a press of
+  /// the button call for an earlier turn.
   [[nodiscard]] Step poll() noexcept;
 
   /// A host has chosen the configuration.
   [[nodiscard]] bool configured() const noexcept { return configuration_ != 0; }
-  /// The DFU-mode descriptors are (or will be) shown.
-  [[nodiscard]] bool dfu_mode() const noexcept { return dfu_mode_; }
+  /// Which descriptors are (or will be) shown.
+  [[nodiscard]] UsbMode mode() const noexcept { return mode_; }
+  /// The bus was left for good: the restart was asked for.
+  [[nodiscard]] bool restarting() const noexcept { return presence_ == Presence::kGone; }
 
  private:
+  enum class Presence : std::uint8_t { kAway, kOnBus, kGone };
+  /// Whose OUT data stage is under way.
+  enum class Receiving : std::uint8_t { kNothing, kReport, kBlock };
+
+  void take(const UsbEvent& event) noexcept;
+  void bus_reset() noexcept;
+  void forget_host() noexcept;
+  void leave() noexcept;
+
+  void setup(const ControlRequest& request) noexcept;
+  void data_stage(std::size_t size) noexcept;
+  void answer(const ControlAnswer& answer) noexcept;
+  [[nodiscard]] ControlAnswer class_request() noexcept;
+  [[nodiscard]] ControlAnswer dfu_request(std::span<const std::byte> data) noexcept;
+  [[nodiscard]] ControlAnswer vendor_request() noexcept;
+
+  // usb_standard.cpp: USB 2.0, section 9.4.
+  [[nodiscard]] ControlAnswer standard_request() noexcept;
+  [[nodiscard]] ControlAnswer get_status() noexcept;
+  [[nodiscard]] ControlAnswer change_feature(bool set) noexcept;
+  [[nodiscard]] ControlAnswer set_address() noexcept;
+  [[nodiscard]] ControlAnswer get_descriptor() noexcept;
+  [[nodiscard]] ControlAnswer interface_descriptor() noexcept;
+  [[nodiscard]] ControlAnswer get_configuration() noexcept;
+  [[nodiscard]] ControlAnswer set_configuration() noexcept;
+  [[nodiscard]] ControlAnswer get_interface() noexcept;
+  [[nodiscard]] ControlAnswer set_interface() noexcept;
+  /// wIndex names an interface of the configuration in force.
+  [[nodiscard]] bool has_interface(std::uint16_t index) const noexcept;
+  [[nodiscard]] bool has_endpoint(std::uint16_t index) const noexcept;
+  /// Opens what configuration and setting have, closes the rest.
+  void open_endpoints() noexcept;
+  [[nodiscard]] ControlAnswer give(std::uint16_t value, std::size_t size) noexcept;
+
   UsbParts parts_;
   UsbIdentity identity_;
+  std::optional<RescueEndpoints> rescue_;  // Absent without application.
+
+  UsbMode mode_ = UsbMode::kRunTime;
+  Presence presence_ = Presence::kAway;
+  std::uint64_t join_at_us_ = 0;
+  bool leaving_ = false;  // After DETACH.
+  std::uint64_t leave_at_us_ = 0;
+
   std::uint8_t configuration_ = 0;
-  bool dfu_mode_ = false;
+  std::uint8_t stream_setting_ = 0;
+
+  ControlRequest request_;  // Under way, or the last one.
+  Receiving receiving_ = Receiving::kNothing;
+  usb_descriptors::Buffer buffer_{};  // What is being sent and does not lie in constants.
+  std::array<std::byte, kDfuTransferBytes> block_{};
 };
 
 }  // namespace scatter::firmware
