@@ -17,8 +17,8 @@ struct UsbTransfer {
   std::uint64_t id = 0;                 ///< Chosen by the host; unique among those under way.
   std::uint8_t endpoint = 0;            ///< Bit 7: to the host. 0x00 and 0x80 are the control endpoint.
   std::array<std::uint8_t, 8> setup{};  ///< Control only, as on the bus.
-  std::vector<std::byte> data;          ///< To the device.
-  std::size_t length = 0;               ///< To the host: at most so many bytes.
+  std::vector<std::byte> data{};  ///< To the device; to the host: memory to use, its contents do not matter.
+  std::size_t length = 0;         ///< To the host: at most so many bytes.
 };
 
 enum class UsbOutcome : std::uint8_t {
@@ -33,8 +33,8 @@ enum class UsbOutcome : std::uint8_t {
 struct UsbCompletion {
   std::uint64_t id = 0;
   UsbOutcome outcome = UsbOutcome::kDone;
-  std::size_t actual = 0;       ///< Bytes moved, either way.
-  std::vector<std::byte> data;  ///< To the host: `actual` bytes.
+  std::size_t actual = 0;         ///< Bytes moved, either way.
+  std::vector<std::byte> data{};  ///< To the host: `actual` bytes.
 };
 
 /// Calls never block; what the device does about them happens when the instrument runs. Threads: the
