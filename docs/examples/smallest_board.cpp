@@ -253,8 +253,8 @@ class Cable final : public device::Transport {
     board_->link.plugged = true;
   }
   ~Cable() override { close(); }
-  Result<std::size_t> read(std::span<std::byte> out, device::TimePoint deadline,
-                           const std::stop_token& stop) override {
+  Result<std::span<const std::byte>> receive(device::TimePoint deadline,
+                                             const std::stop_token& stop) override {
     if (!board_->link.plugged) {
       return fail(ErrorCode::kDisconnected, "the board restarted", "open it again");
     }
@@ -263,11 +263,12 @@ class Cable final : public device::Transport {
     }
     const auto until = std::chrono::ceil<std::chrono::microseconds>(deadline.time_since_epoch()).count();
     board_->run(static_cast<std::uint64_t>(std::max<std::int64_t>(until, 0)));
-    const std::size_t count = firmware_bytes(out);
-    if (count == 0) {
+    lent_.assign(board_->link.to_host.begin(), board_->link.to_host.end());
+    board_->link.to_host.clear();
+    if (lent_.empty()) {
       return fail(ErrorCode::kDeadlineExceeded, "nothing came", "allow more time");
     }
-    return count;
+    return lent_;
   }
   Status write(std::span<const std::byte> bytes, device::TimePoint, const std::stop_token&) override {
     board_->link.to_device.insert(board_->link.to_device.end(), bytes.begin(), bytes.end());
@@ -284,8 +285,8 @@ class Cable final : public device::Transport {
 
  private:
   static constexpr std::uint64_t kStartNs = 1'767'225'600'000'000'000;
-  std::size_t firmware_bytes(std::span<std::byte> out) { return BoardLink::take(board_->link.to_host, out); }
   std::shared_ptr<Board> board_;
+  std::vector<std::byte> lent_;
 };
 
 }  // namespace

@@ -464,5 +464,8 @@ std::vector<DeviceEvent> Device::take_events() {
 LinkStatistics Device::link_statistics() const {
   return impl_->session->statistics();
 }
+std::vector<Notice> Device::notices() const {
+  return impl_->session->transport().notices();
+}
 
 }  // namespace scatter::device

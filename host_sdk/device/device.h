@@ -164,6 +164,9 @@ class Device {
   /// Log and fault events since the last call, oldest first; at most the newest 256 are kept.
   [[nodiscard]] std::vector<DeviceEvent> take_events();
   [[nodiscard]] LinkStatistics link_statistics() const;
+  /// What a person should know about the carrier, with a remedy each: a slow bus, little memory for
+  /// transfers.
+  [[nodiscard]] std::vector<Notice> notices() const;
 
   struct Impl;
 

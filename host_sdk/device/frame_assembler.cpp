@@ -166,6 +166,7 @@ void FrameAssembler::place(Open& frame, const protocol::FrameData& data) {
   }
   const auto copy = [&](std::uint32_t from, std::uint32_t to) {
     std::memcpy(frame.pixels.get() + from, data.data.data() + (from - begin), to - from);
+    counters_.pixel_bytes += to - from;
   };
   std::vector<ByteRange>& filled = frame.filled;
   if (filled.empty() ? begin == 0 : filled.back().end == begin) {  // In order: the usual case.

@@ -37,6 +37,7 @@ struct AssemblerCounters {
   std::uint64_t ends_seen = 0;           ///< Distinct frames whose end arrived.
   std::uint64_t duplicate_chunks = 0;    ///< Contents already there, or the frame was settled before.
   std::uint64_t unrequested_chunks = 0;  ///< Beyond the credit, of another run, or malformed.
+  std::uint64_t pixel_bytes = 0;         ///< Copied into frames.
 };
 
 /// Promises:

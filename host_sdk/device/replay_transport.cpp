@@ -1,7 +1,6 @@
 #include "host_sdk/device/replay_transport.h"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 #include "host_sdk/device/recording_contents.h"
@@ -14,7 +13,7 @@ using protocol::Channel;
 using protocol::MessageId;
 using protocol::StatusCode;
 
-// As much as the host reads at once.
+// As much as is lent at once.
 constexpr std::size_t kAheadBytes = 256 * 1024;
 
 std::string_view object_name(std::uint16_t object) {
@@ -49,6 +48,7 @@ ReplayTransport::ReplayTransport(RecordingReader recording)
       decoder_buffer_(protocol::kMaxFrameBytes),
       decoder_(decoder_buffer_) {
   out_.reserve(kAheadBytes + protocol::kMaxFrameBytes);
+  lent_.reserve(kAheadBytes + protocol::kMaxFrameBytes);
 }
 
 template <typename Message>
@@ -71,29 +71,25 @@ void ReplayTransport::refuse(const protocol::FrameHeader& request, StatusCode st
   send(Channel::kControl, request.correlation, reply);
 }
 
-Result<std::size_t> ReplayTransport::read(std::span<std::byte> out, TimePoint deadline,
-                                          const std::stop_token& stop) {
+Result<std::span<const std::byte>> ReplayTransport::receive(TimePoint deadline, const std::stop_token& stop) {
   if (closed_) {
     return fail(ErrorCode::kDisconnected, "replay: closed", "open the recording again");
   }
   if (stop.stop_requested()) {
     return fail(ErrorCode::kAborted, "replay: stopped", "start again when ready");
   }
-  if (taken_ == out_.size()) {
-    out_.clear();
-    taken_ = 0;
+  if (out_.empty()) {
     while (out_.size() < kAheadBytes && play_one()) {
     }
   }
-  const std::size_t count = std::min(out.size(), out_.size() - taken_);
-  if (count == 0) {
+  if (out_.empty()) {
     now_ = std::max(now_, deadline);
     return fail(ErrorCode::kDeadlineExceeded, "replay: the recording has nothing to say",
                 "start a run that was recorded");
   }
-  std::memcpy(out.data(), out_.data() + taken_, count);
-  taken_ += count;
-  return count;
+  lent_.swap(out_);
+  out_.clear();
+  return lent_;
 }
 
 Status ReplayTransport::write(std::span<const std::byte> bytes, TimePoint /*deadline*/,

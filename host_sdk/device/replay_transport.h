@@ -27,8 +27,8 @@ class ReplayTransport final : public Transport {
  public:
   explicit ReplayTransport(RecordingReader recording);
 
-  [[nodiscard]] Result<std::size_t> read(std::span<std::byte> out, TimePoint deadline,
-                                         const std::stop_token& stop) override;
+  [[nodiscard]] Result<std::span<const std::byte>> receive(TimePoint deadline,
+                                                           const std::stop_token& stop) override;
   [[nodiscard]] Status write(std::span<const std::byte> bytes, TimePoint deadline,
                              const std::stop_token& stop) override;
   [[nodiscard]] TimePoint now() const override { return now_; }
@@ -58,8 +58,8 @@ class ReplayTransport final : public Transport {
   std::vector<std::byte> decoder_buffer_;
   protocol::LinkDecoder decoder_;
   protocol::SequenceCounters sequence_;
-  std::vector<std::byte> out_;  ///< Bytes for the host, from `taken_` on.
-  std::size_t taken_ = 0;
+  std::vector<std::byte> out_;   ///< For the host, not lent yet: a write() may append answers.
+  std::vector<std::byte> lent_;  ///< What the host looks at.
 
   std::size_t run_ = 0;  ///< Current run.
   bool playing_ = false;

@@ -1,6 +1,7 @@
 #include "host_sdk/device/session.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "protocol/schema_description.h"
@@ -34,7 +35,6 @@ constexpr bool same_numbers() {
 }
 static_assert(same_numbers());
 
-constexpr std::size_t kReceiveBytes = 256 * 1024;
 constexpr std::size_t kKeptEvents = 256;
 constexpr Duration kFirstRetry = std::chrono::milliseconds(250);
 constexpr Duration kLongestRetry = std::chrono::seconds(2);
@@ -80,7 +80,6 @@ Session::Session(std::unique_ptr<Transport> transport, const OpenOptions& option
       host_name_(options.host_name),
       build_id_(options.build_id.empty() ? "openscatter" : options.build_id),
       nonce_(options.nonce.value_or(nonce_from(transport_->system_time_unix_ns()))),
-      receive_(kReceiveBytes),
       decoder_buffer_(protocol::kMaxFrameBytes),
       decoder_(decoder_buffer_),
       last_byte_(transport_->now()) {
@@ -240,7 +239,7 @@ Status Session::pump(TimePoint until, const std::stop_token& stop) {
   if (decoder_.buffered() != 0) {
     slice = std::min(until, now() + kFramePatience);
   }
-  const Result<std::size_t> got = transport_->read(receive_, slice, stop);
+  const Result<std::span<const std::byte>> got = transport_->receive(slice, stop);
   if (!got) {
     if (got.error().code == ErrorCode::kDeadlineExceeded && decoder_.buffered() != 0 &&
         now() - last_byte_ >= kFramePatience) {
@@ -253,20 +252,24 @@ Status Session::pump(TimePoint until, const std::stop_token& stop) {
     return std::unexpected(got.error());
   }
   last_byte_ = now();
-  bytes_ += *got;
+  bytes_ += got->size();
   batch_time_unix_ns_ = transport_->system_time_unix_ns();
-  decoder_.push(std::span<const std::byte>(receive_).first(*got), deliver,
-                [this](const protocol::FrameHeader& header, protocol::ParseStatus status) {
-                  if (saying_hello_ && status == protocol::ParseStatus::kBadVersion &&
-                      header.channel == protocol::Channel::kControl) {
-                    refused_version_ = true;
-                  }
-                });
+  decoder_.push(*got, deliver, [this](const protocol::FrameHeader& header, protocol::ParseStatus status) {
+    if (saying_hello_ && status == protocol::ParseStatus::kBadVersion &&
+        header.channel == protocol::Channel::kControl) {
+      refused_version_ = true;
+    }
+  });
   return {};
 }
 
 void Session::on_frame(const protocol::Frame& frame) {
   const protocol::FrameHeader& header = frame.header();
+  const std::byte* const begin = frame.bytes().data();
+  if (!std::less<>()(begin, decoder_buffer_.data()) &&
+      std::less<>()(begin, decoder_buffer_.data() + decoder_buffer_.size())) {
+    copied_bytes_ += frame.bytes().size();
+  }
   if (header.session != nonce_) {
     // Before there is a session a server may refuse with a status that names none (BUSY).
     if (saying_hello_ && !replied_ && header.channel == protocol::Channel::kControl &&
@@ -367,6 +370,11 @@ LinkStatistics Session::statistics() const {
                    seen.unknown_flags + seen.unknown_channel;
   out.skipped_bytes = seen.skipped_bytes;
   out.stale_frames = stale_;
+  out.copied_bytes = copied_bytes_;
+  const CarrierStatistics carrier = transport_->statistics();
+  out.carrier_stalls = carrier.stalls;
+  out.carrier_overflows = carrier.overflows;
+  out.carrier_errors = carrier.errors;
   return out;
 }
 

@@ -151,7 +151,6 @@ class Session {
   WireSink* sink_ = nullptr;
   ReplySink* reply_sink_ = nullptr;
 
-  std::vector<std::byte> receive_;
   std::vector<std::byte> decoder_buffer_;
   std::array<std::byte, protocol::kMaxFrameBytes> send_;
   std::array<std::byte, protocol::kMaxPayload> request_payload_;
@@ -172,6 +171,7 @@ class Session {
   TimePoint last_byte_{};
   std::uint64_t bytes_ = 0;
   std::uint64_t stale_ = 0;
+  std::uint64_t copied_bytes_ = 0;
   std::deque<DeviceEvent> events_;
 };
 

@@ -14,6 +14,7 @@
 #include <chrono>
 #include <cstring>
 #include <utility>
+#include <vector>
 
 namespace scatter::device {
 
@@ -22,6 +23,7 @@ namespace {
 // A stop request is noticed at the end of a slice.
 constexpr Duration kPollSlice = std::chrono::milliseconds(10);
 constexpr int kReceiveBufferBytes = 4 << 20;
+constexpr std::size_t kLentBytes = 256UL * 1024;
 
 TimePoint real_now() {
   return TimePoint(std::chrono::duration_cast<Duration>(std::chrono::steady_clock::now().time_since_epoch()));
@@ -78,20 +80,19 @@ Status wait_for(int socket, short events, TimePoint deadline, const std::stop_to
 
 class SocketTransport final : public Transport {
  public:
-  explicit SocketTransport(Descriptor socket) noexcept : socket_(std::move(socket)) {}
+  explicit SocketTransport(Descriptor socket) : socket_(std::move(socket)), lent_(kLentBytes) {}
 
-  Result<std::size_t> read(std::span<std::byte> out, TimePoint deadline,
-                           const std::stop_token& stop) override {
+  Result<std::span<const std::byte>> receive(TimePoint deadline, const std::stop_token& stop) override {
     for (;;) {
       if (!socket_.open()) {
         return gone("the connection is closed");
       }
       if (stop.stop_requested()) {
-        return fail(ErrorCode::kAborted, "read: stopped", "start again when ready");
+        return fail(ErrorCode::kAborted, "receive: stopped", "start again when ready");
       }
-      const ssize_t got = ::recv(socket_.get(), out.data(), out.size(), 0);
+      const ssize_t got = ::recv(socket_.get(), lent_.data(), lent_.size(), 0);
       if (got > 0) {
-        return static_cast<std::size_t>(got);
+        return std::span<const std::byte>(lent_).first(static_cast<std::size_t>(got));
       }
       if (got == 0) {
         return gone("the device closed the connection");
@@ -102,7 +103,7 @@ class SocketTransport final : public Transport {
       if (errno != EAGAIN && errno != EWOULDBLOCK) {
         return gone("the connection broke: " + reason(errno));
       }
-      if (const Status ready = wait_for(socket_.get(), POLLIN, deadline, stop, "read"); !ready) {
+      if (const Status ready = wait_for(socket_.get(), POLLIN, deadline, stop, "receive"); !ready) {
         return std::unexpected(ready.error());
       }
     }
@@ -147,6 +148,7 @@ class SocketTransport final : public Transport {
   }
 
   Descriptor socket_;
+  std::vector<std::byte> lent_;
 };
 
 std::unexpected<Error> connect_error(int number, const std::string& where) {

@@ -343,6 +343,11 @@ RunSummary Stream::State::summary() const {
   out.link.duplicate_chunks = assembler_.counters().duplicate_chunks;
   out.link.unrequested_chunks = assembler_.counters().unrequested_chunks;
   out.link.incomplete_frames = assembler_.counters().incomplete;
+  out.link.copied_bytes = now.copied_bytes - before_.copied_bytes;
+  out.link.pixel_bytes = assembler_.counters().pixel_bytes;
+  out.link.carrier_stalls = now.carrier_stalls - before_.carrier_stalls;
+  out.link.carrier_overflows = now.carrier_overflows - before_.carrier_overflows;
+  out.link.carrier_errors = now.carrier_errors - before_.carrier_errors;
   return out;
 }
 

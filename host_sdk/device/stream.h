@@ -22,6 +22,13 @@ struct LinkStatistics {
   std::uint64_t duplicate_chunks = 0;    ///< Dropped, contents already there.
   std::uint64_t unrequested_chunks = 0;  ///< Beyond the credit, of another run, or malformed; dropped.
   std::uint64_t incomplete_frames = 0;   ///< Delivered with status kIncomplete (in lost_link).
+  /// Bytes of wire frames that came in pieces and were copied to put them together; 0 where the carrier keeps
+  /// frames whole. Beside these, each pixel is copied once: from the carrier's buffer into its frame.
+  std::uint64_t copied_bytes = 0;
+  std::uint64_t pixel_bytes = 0;  ///< Copied into frames.
+  std::uint64_t carrier_stalls = 0;
+  std::uint64_t carrier_overflows = 0;  ///< What CarrierStatistics says of them.
+  std::uint64_t carrier_errors = 0;
 };
 
 /// How a run ended. `ledger.balances()` is true for every honest device, whatever the link did.

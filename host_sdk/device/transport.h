@@ -17,6 +17,20 @@
 
 namespace scatter::device {
 
+/// Something about a carrier that a person should know although it works.
+struct Notice {
+  std::string what;    ///< "the instrument is on a 12 Mb/s bus".
+  std::string remedy;  ///< One imperative phrase.
+};
+
+/// Transfers of a carrier that failed and that it went on after. All zero for carriers that have no
+/// transfers.
+struct CarrierStatistics {
+  std::uint64_t stalls = 0;     ///< The device halted an endpoint; the halt was cleared.
+  std::uint64_t overflows = 0;  ///< The device sent more than was asked for; those bytes are lost.
+  std::uint64_t errors = 0;     ///< No handshake, wrong checksum or toggle, after the hardware's own retries.
+};
+
 /// A byte pipe in both directions with a clock of its own. Used from one thread.
 /// Every call ends at its deadline and within 20 ms of a stop request.
 class Transport {
@@ -26,17 +40,19 @@ class Transport {
   Transport& operator=(const Transport&) = delete;
   virtual ~Transport() = default;
 
-  /// Waits for at least one byte and takes as many as are there, at most out.size().
-  /// Errors  kDeadlineExceeded, kAborted (stop requested), kDisconnected (the other side is gone).
-  [[nodiscard]] virtual Result<std::size_t> read(std::span<std::byte> out, TimePoint deadline,
-                                                 const std::stop_token& stop) = 0;
+  /// Waits for bytes and lends them: at least one, in the order of arrival, valid until the next receive() or
+  /// close(); write() leaves them alone. Carriers with transfers lend the buffer that the system filled.
+  /// Errors  kDeadlineExceeded, kAborted (stop requested), kDisconnected (the other side is gone, and
+  ///         everything that it sent before was lent).
+  [[nodiscard]] virtual Result<std::span<const std::byte>> receive(TimePoint deadline,
+                                                                   const std::stop_token& stop) = 0;
 
   /// Hands over all of `bytes`. After an error it is unknown how many went out.
-  /// Errors  as read().
+  /// Errors  as receive().
   [[nodiscard]] virtual Status write(std::span<const std::byte> bytes, TimePoint deadline,
                                      const std::stop_token& stop) = 0;
 
-  /// The transport's clock; virtual clocks move only inside read() and write().
+  /// The transport's clock; virtual clocks move only inside receive() and write().
   [[nodiscard]] virtual TimePoint now() const = 0;
 
   /// Unix time [ns] on the same clock, for recordings; virtual clocks have a fixed start.
@@ -44,6 +60,10 @@ class Transport {
 
   /// Ends both directions; later calls give kDisconnected. Idempotent.
   virtual void close() noexcept = 0;
+
+  /// What a person should know about the carrier; more may come while it is used.
+  [[nodiscard]] virtual std::vector<Notice> notices() const { return {}; }
+  [[nodiscard]] virtual CarrierStatistics statistics() const { return {}; }
 };
 
 /// One URI scheme and how to open it.

@@ -50,20 +50,16 @@ class TamperingTransport final : public device::Transport {
   TamperingTransport(std::unique_ptr<device::Transport> inner, const Tampering& tampering)
       : inner_(std::move(inner)), to_host_(tampering.to_host), to_device_(tampering.to_device) {}
 
-  Result<std::size_t> read(std::span<std::byte> out, device::TimePoint deadline,
-                           const std::stop_token& stop) override {
-    while (ready_.empty()) {
-      Bytes buffer(64UL * 1024);
-      const auto count = inner_->read(buffer, deadline, stop);
-      if (!count) {
-        return count;
+  Result<std::span<const std::byte>> receive(device::TimePoint deadline,
+                                             const std::stop_token& stop) override {
+    do {
+      const auto bytes = inner_->receive(deadline, stop);
+      if (!bytes) {
+        return bytes;
       }
-      ready_ = to_host_.pass(std::span<const std::byte>(buffer).first(*count));
-    }
-    const std::size_t count = std::min(out.size(), ready_.size());
-    std::copy_n(ready_.begin(), count, out.begin());
-    ready_.erase(ready_.begin(), ready_.begin() + std::ptrdiff_t(count));
-    return count;
+      lent_ = to_host_.pass(*bytes);
+    } while (lent_.empty());
+    return lent_;
   }
   Status write(std::span<const std::byte> bytes, device::TimePoint deadline,
                const std::stop_token& stop) override {
@@ -78,7 +74,7 @@ class TamperingTransport final : public device::Transport {
   std::unique_ptr<device::Transport> inner_;
   Lane to_host_;
   Lane to_device_;
-  Bytes ready_;
+  Bytes lent_;
 };
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <memory>
 #include <span>
 #include <utility>
@@ -30,7 +29,7 @@ class HostileDevice final : public Transport {
  public:
   explicit HostileDevice(std::span<const std::byte> input) : input_(input), decoder_(decoder_buffer_) {}
 
-  Result<std::size_t> read(std::span<std::byte> out, TimePoint deadline, const std::stop_token&) override {
+  Result<std::span<const std::byte>> receive(TimePoint deadline, const std::stop_token&) override {
     if (said_.empty()) {
       speak();
     }
@@ -38,10 +37,9 @@ class HostileDevice final : public Transport {
       now_ = std::max(now_, deadline);
       return fail(ErrorCode::kDeadlineExceeded, "silent", "wait");
     }
-    const std::size_t count = std::min(out.size(), said_.size());
-    std::memcpy(out.data(), said_.data(), count);
-    said_.erase(said_.begin(), said_.begin() + static_cast<std::ptrdiff_t>(count));
-    return count;
+    lent_.swap(said_);
+    said_.clear();
+    return lent_;
   }
   Status write(std::span<const std::byte> bytes, TimePoint, const std::stop_token&) override {
     decoder_.push(bytes, [this](const protocol::Frame& frame) { hear(frame); });
@@ -112,6 +110,7 @@ class HostileDevice final : public Transport {
 
   std::span<const std::byte> input_;
   std::vector<std::byte> said_;
+  std::vector<std::byte> lent_;
   std::vector<std::byte> decoder_buffer_ = std::vector<std::byte>(protocol::kMaxFrameBytes);
   protocol::LinkDecoder decoder_;
   protocol::FrameHeader request_;

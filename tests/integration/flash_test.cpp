@@ -86,9 +86,9 @@ std::vector<std::byte> body_in(VirtualInstrument& instrument, std::uint8_t slot,
 class ShortLived final : public device::Transport {
  public:
   ShortLived(std::unique_ptr<Transport> inner, std::size_t bytes) : inner_(std::move(inner)), left_(bytes) {}
-  Result<std::size_t> read(std::span<std::byte> out, device::TimePoint deadline,
-                           const std::stop_token& stop) override {
-    return inner_->read(out, deadline, stop);
+  Result<std::span<const std::byte>> receive(device::TimePoint deadline,
+                                             const std::stop_token& stop) override {
+    return inner_->receive(deadline, stop);
   }
   Status write(std::span<const std::byte> bytes, device::TimePoint deadline,
                const std::stop_token& stop) override {

@@ -64,10 +64,10 @@ class Vanishing final : public device::Transport {
  public:
   Vanishing(std::unique_ptr<device::Transport> inner, std::shared_ptr<bool> gone)
       : inner_(std::move(inner)), gone_(std::move(gone)) {}
-  Result<std::size_t> read(std::span<std::byte> out, device::TimePoint deadline,
-                           const std::stop_token& stop) override {
+  Result<std::span<const std::byte>> receive(device::TimePoint deadline,
+                                             const std::stop_token& stop) override {
     vanish_if_told();
-    return inner_->read(out, deadline, stop);
+    return inner_->receive(deadline, stop);
   }
   Status write(std::span<const std::byte> bytes, device::TimePoint deadline,
                const std::stop_token& stop) override {

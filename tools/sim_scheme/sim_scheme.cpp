@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -18,22 +19,23 @@ using simulator::VirtualInstrument;
 /// Longest run of the instrument before the stop token is looked at again.
 constexpr std::uint64_t kSliceUs = 1'000'000;
 constexpr std::uint64_t kRealSliceUs = 10'000;
+constexpr std::size_t kLentBytes = 256UL * 1024;
 
 class SimTransport final : public device::Transport {
  public:
-  explicit SimTransport(std::shared_ptr<VirtualInstrument> instrument) : instrument_(std::move(instrument)) {
+  explicit SimTransport(std::shared_ptr<VirtualInstrument> instrument)
+      : instrument_(std::move(instrument)), lent_(kLentBytes) {
     instrument_->attach();
   }
   ~SimTransport() override { close(); }
 
-  Result<std::size_t> read(std::span<std::byte> out, TimePoint deadline,
-                           const std::stop_token& stop) override {
+  Result<std::span<const std::byte>> receive(TimePoint deadline, const std::stop_token& stop) override {
     while (true) {
       if (Status open = check_open(true); !open) {
         return std::unexpected(std::move(open.error()));
       }
-      if (const std::size_t count = instrument_->host_read(out); count > 0 || out.empty()) {
-        return count;
+      if (const std::size_t count = instrument_->host_read(lent_); count > 0) {
+        return std::span<const std::byte>(lent_).first(count);
       }
       if (Status waited = wait(deadline, stop, VirtualInstrument::Until::kReadable, "a byte"); !waited) {
         return std::unexpected(std::move(waited.error()));
@@ -98,6 +100,7 @@ class SimTransport final : public device::Transport {
   }
 
   std::shared_ptr<VirtualInstrument> instrument_;
+  std::vector<std::byte> lent_;
   bool closed_ = false;
 };
 

@@ -13,7 +13,7 @@ class VirtualInstrument;
 
 namespace scatter::tools {
 
-/// A host's end of an instrument in this process. Virtual clock: time passes only in read() and in a
+/// A host's end of an instrument in this process. Virtual clock: time passes only in receive() and in a
 /// write() that finds no room, so the same calls give the same bytes at the same times; no threads.
 ///
 /// Opening plugs the host in, closing or destroying pulls the plug. Several transports may use one

@@ -13,7 +13,6 @@ using protocol::StatusReply;
 using std::chrono::milliseconds;
 
 namespace {
-constexpr std::size_t kReceiveBytes = 64UL * 1024;
 // As device::Session: a device must cope with exactly this.
 constexpr milliseconds kFirstRepeat{250};
 constexpr milliseconds kLongestRepeat{2000};
@@ -31,7 +30,6 @@ bool Received::is_pending() const {
 WireProbe::WireProbe(std::unique_ptr<device::Transport> transport, std::stop_token stop)
     : transport_(std::move(transport)),
       stop_(std::move(stop)),
-      receive_(kReceiveBytes),
       decoder_buffer_(std::make_unique<Bytes>(protocol::kMaxFrameBytes)),
       decoder_(*decoder_buffer_) {}
 
@@ -101,13 +99,13 @@ Result<Received> WireProbe::next(device::TimePoint deadline) {
     };
     const bool inside = decoder_.buffered() > 0;
     const device::TimePoint until = inside ? std::min(deadline, now() + kFramePatience) : deadline;
-    const auto count = transport_->read(receive_, until, stop_);
-    if (count) {
-      decoder_.push(std::span<const std::byte>(receive_).first(*count), keep);
-    } else if (inside && count.error().code == ErrorCode::kDeadlineExceeded) {
+    const auto bytes = transport_->receive(until, stop_);
+    if (bytes) {
+      decoder_.push(*bytes, keep);
+    } else if (inside && bytes.error().code == ErrorCode::kDeadlineExceeded) {
       decoder_.give_up(keep);
     } else {
-      return std::unexpected(count.error());
+      return std::unexpected(bytes.error());
     }
     if (waiting_.empty() && now() >= deadline) {
       return fail(ErrorCode::kDeadlineExceeded, "no frame came in time", "look at the device's link");

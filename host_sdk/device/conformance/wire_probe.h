@@ -116,7 +116,6 @@ class WireProbe {
   std::uint16_t nonce_ = 1;
   std::uint16_t correlation_ = 0;
   protocol::SequenceCounters sequence_;
-  Bytes receive_;
   std::unique_ptr<Bytes> decoder_buffer_;
   protocol::LinkDecoder decoder_;
   std::vector<Received> waiting_;  ///< Received, not handed out; oldest first from taken_.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
-#include <cstring>
 
 #include "protocol/crc.h"
 #include "protocol/endian.h"
@@ -44,8 +43,7 @@ Bytes test_pixels(std::uint32_t frame_id) {
 
 ScriptedDevice::ScriptedDevice() : decoder_buffer_(protocol::kMaxFrameBytes), decoder_(decoder_buffer_) {}
 
-Result<std::size_t> ScriptedDevice::read(std::span<std::byte> out, TimePoint deadline,
-                                         const std::stop_token& stop) {
+Result<std::span<const std::byte>> ScriptedDevice::receive(TimePoint deadline, const std::stop_token& stop) {
   if (stop.stop_requested()) {
     return fail(ErrorCode::kAborted, "stopped", "start again");
   }
@@ -54,14 +52,9 @@ Result<std::size_t> ScriptedDevice::read(std::span<std::byte> out, TimePoint dea
   }
   if (!posted_.empty() && posted_.front().due <= std::max(deadline, now_)) {
     now_ = std::max(now_, posted_.front().due);
-    Bytes& front = posted_.front().bytes;
-    const std::size_t count = std::min(out.size(), front.size());
-    std::memcpy(out.data(), front.data(), count);
-    front.erase(front.begin(), front.begin() + static_cast<std::ptrdiff_t>(count));
-    if (front.empty()) {
-      posted_.pop_front();
-    }
-    return count;
+    lent_ = std::move(posted_.front().bytes);
+    posted_.pop_front();
+    return lent_;
   }
   if (posted_.empty() && hung_up_) {
     return fail(ErrorCode::kDisconnected, "the device closed the connection", "plug it in again");

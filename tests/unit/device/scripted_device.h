@@ -53,8 +53,8 @@ class ScriptedDevice final : public Transport {
  public:
   ScriptedDevice();
 
-  [[nodiscard]] Result<std::size_t> read(std::span<std::byte> out, TimePoint deadline,
-                                         const std::stop_token& stop) override;
+  [[nodiscard]] Result<std::span<const std::byte>> receive(TimePoint deadline,
+                                                           const std::stop_token& stop) override;
   [[nodiscard]] Status write(std::span<const std::byte> bytes, TimePoint deadline,
                              const std::stop_token& stop) override;
   [[nodiscard]] TimePoint now() const override { return now_; }
@@ -118,6 +118,7 @@ class ScriptedDevice final : public Transport {
   TimePoint now_{};
   bool hung_up_ = false;
   std::deque<Posted> posted_;
+  Bytes lent_;
   Bytes decoder_buffer_;
   protocol::LinkDecoder decoder_;
   protocol::SequenceCounters sequence_;
