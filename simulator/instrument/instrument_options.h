@@ -20,6 +20,12 @@ enum class CalibrationHeld : std::uint8_t {
   kNone,     ///< None, and no way to make one: no stage, no references delivered.
 };
 
+/// How the host reaches the instrument.
+enum class Carrier : std::uint8_t {
+  kPipe,  ///< Two byte queues, in this process or behind a socket.
+  kUsb,   ///< A USB socket: VirtualInstrument::usb().
+};
+
 struct InstrumentOptions {
   std::string sample = "lambertian:0.5";  ///< See Sample::make.
   std::uint64_t seed = 1;                 ///< Of the instrument, its noise and its faults.
@@ -30,6 +36,7 @@ struct InstrumentOptions {
   References references = References::kExact;
   ClockMode clock = ClockMode::kVirtual;
   bool transmission_module = false;  ///< Mounted anyway when the sample transmits.
+  Carrier carrier = Carrier::kPipe;  ///< Not reachable from text: who serves the instrument knows.
   std::filesystem::path flash_file;  ///< Keeps the device's flash between runs; empty: forgotten.
 };
 

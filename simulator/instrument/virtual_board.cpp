@@ -50,6 +50,7 @@ VirtualBoard::VirtualBoard(const InstrumentOptions& options, std::unique_ptr<Ben
       flash_(std::move(flash)),
       clock_(options.clock),
       link_(clock_, plan_, options.seed),
+      power_on_clock_(clock_),
       camera_(clock_, *bench_, plan_, options.seed),
       watchdog_(clock_),
       factory_(*bench_),
@@ -61,11 +62,14 @@ VirtualBoard::VirtualBoard(const InstrumentOptions& options, std::unique_ptr<Ben
   } else {
     factory_.data.reference_stage = 1;
   }
+  if (options.carrier == Carrier::kUsb) {
+    usb_.emplace(power_on_clock_, plan_, options.seed);
+  }
 }
 
-firmware::Ports VirtualBoard::ports() noexcept {
+firmware::Ports VirtualBoard::ports(firmware::Link& link) noexcept {
   return {.clock = clock_,
-          .link = link_,
+          .link = link,
           .sensor = camera_,
           .illuminator = camera_,
           .monitor = camera_,
@@ -77,6 +81,7 @@ firmware::Ports VirtualBoard::ports() noexcept {
           .reference_stage = factory_.data.reference_stage != 0 ? &camera_ : nullptr,
           .image_slots = &slots_,
           .verifier = &slots_.verifier(),
+          .button = &button_,
           .build_id = slots_.build_id()};
 }
 
@@ -110,10 +115,14 @@ std::optional<protocol::ResetReason> VirtualBoard::restart_wanted() noexcept {
 
 void VirtualBoard::restart(protocol::ResetReason reason) noexcept {
   link_.device_gone();
+  if (usb_) {
+    usb_->connect(false);
+  }
   camera_.reset();
   clock_.boot();
   watchdog_.kick();
   reset_.wanted = false;
+  button_.count = 0;
   reset_.why = reason;
   slots_.boot(reason);
 }

@@ -15,6 +15,7 @@
 #include "simulator/instrument/virtual_clock.h"
 #include "simulator/instrument/virtual_link.h"
 #include "simulator/instrument/virtual_slots.h"
+#include "simulator/usb/virtual_usb_controller.h"
 
 namespace scatter::simulator {
 
@@ -29,13 +30,19 @@ class VirtualBoard {
   VirtualBoard(const VirtualBoard&) = delete;
   VirtualBoard& operator=(const VirtualBoard&) = delete;
 
-  /// Of the firmware that runs since the last boot; ask again after restart().
-  [[nodiscard]] firmware::Ports ports() noexcept;
+  /// Of the firmware that runs since the last boot; ask again after restart(). The link is link().
+  [[nodiscard]] firmware::Ports ports() noexcept { return ports(link_); }
+  /// With another carrier.
+  [[nodiscard]] firmware::Ports ports(firmware::Link& link) noexcept;
   /// Of the bootloader, for when slots().decision() is rescue mode.
   [[nodiscard]] firmware::RescuePorts rescue_ports() noexcept;
   [[nodiscard]] Bench& bench() noexcept { return *bench_; }
   [[nodiscard]] VirtualClock& clock() noexcept { return clock_; }
   [[nodiscard]] VirtualLink& link() noexcept { return link_; }
+  /// Null unless the carrier is USB.
+  [[nodiscard]] VirtualUsbController* usb() noexcept { return usb_ ? &*usb_ : nullptr; }
+  /// The measure button is pressed once.
+  void press_button() noexcept { ++button_.count; }
   [[nodiscard]] Camera& camera() noexcept { return camera_; }
   [[nodiscard]] FlashImage& flash() noexcept { return *flash_; }
   [[nodiscard]] VirtualSlots& slots() noexcept { return slots_; }
@@ -43,8 +50,8 @@ class VirtualBoard {
 
   /// Set when something asks for a restart: the firmware, the watchdog, or the fault plan.
   [[nodiscard]] std::optional<protocol::ResetReason> restart_wanted() noexcept;
-  /// What a reset does to the hardware: the link drops, LEDs go off, the clock starts at 0, the bootloader
-  /// chooses an image. Flash, temperatures and drift stay.
+  /// What a reset does to the hardware: the link drops, the device leaves the bus, LEDs go off, the clock
+  /// starts at 0, the bootloader chooses an image. Flash, temperatures and drift stay.
   void restart(protocol::ResetReason reason) noexcept;
 
  private:
@@ -59,6 +66,16 @@ class VirtualBoard {
     [[nodiscard]] protocol::ResetReason reason() noexcept override { return why; }
     bool wanted = false;
     protocol::ResetReason why = protocol::ResetReason::kPowerOn;
+  };
+  struct VirtualButton final : firmware::Button {
+    [[nodiscard]] std::uint32_t presses() noexcept override { return count; }
+    std::uint32_t count = 0;
+  };
+  /// The clock of what goes on through restarts.
+  struct PowerOnClock final : firmware::Clock {
+    explicit PowerOnClock(VirtualClock& its_clock) : clock(its_clock) {}
+    [[nodiscard]] std::uint64_t now_us() noexcept override { return clock.since_power_on_us(); }
+    VirtualClock& clock;
   };
   struct VirtualFactory final : firmware::Factory {
     explicit VirtualFactory(Bench& its_bench) : bench(its_bench), data(its_bench.descriptor()) {}
@@ -79,9 +96,12 @@ class VirtualBoard {
   std::unique_ptr<FlashImage> flash_;
   VirtualClock clock_;
   VirtualLink link_;
+  PowerOnClock power_on_clock_;
+  std::optional<VirtualUsbController> usb_;
   Camera camera_;
   VirtualWatchdog watchdog_;
   VirtualReset reset_;
+  VirtualButton button_;
   VirtualFactory factory_;
   VirtualSlots slots_;
 };

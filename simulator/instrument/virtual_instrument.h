@@ -13,14 +13,19 @@ namespace scatter::firmware {
 class Instrument;
 class Rescue;
 struct Ports;
+struct Step;
 }  // namespace scatter::firmware
 
 namespace scatter::simulator {
 
 class Sample;
+class UsbFirmware;
+class UsbPort;
 class VirtualBoard;
 
-/// One simulated instrument and its carrier's host end.
+/// One simulated instrument and its carrier's host end. Carrier::kPipe: attach(), host_write(), host_read(),
+/// run_until() and what goes with them, which do nothing over USB; Carrier::kUsb: usb(), with run_ready() and
+/// advance_to().
 ///
 /// Time      Virtual clock: moves only inside run_until(), from event to event; while the host is busy
 ///           it stands still. Real clock: moves by itself; the owner calls run_ready() often enough.
@@ -33,6 +38,12 @@ class VirtualInstrument {
   ~VirtualInstrument();
   VirtualInstrument(const VirtualInstrument&) = delete;
   VirtualInstrument& operator=(const VirtualInstrument&) = delete;
+
+  /// The USB socket; null for Carrier::kPipe. After submit() and its like, run_ready() lets the device
+  /// answer.
+  [[nodiscard]] UsbPort* usb() noexcept;
+  /// Presses the measure button once.
+  void press_button() noexcept;
 
   /// Plugs the host in; what an earlier host left on the way is gone.
   void attach();
@@ -49,7 +60,7 @@ class VirtualInstrument {
   [[nodiscard]] std::size_t readable();
   [[nodiscard]] std::size_t writable();
 
-  /// Does everything that can be done at this moment.
+  /// Does everything that can be done at this moment, up to a change of what is plugged in where.
   /// Result    when there will be more to do without the host, on now_us()'s scale; at most 1 s ahead.
   std::uint64_t run_ready();
   /// What the host waits for.
@@ -79,15 +90,21 @@ class VirtualInstrument {
  private:
   explicit VirtualInstrument(std::unique_ptr<VirtualBoard> board);
   void start_firmware();
+  [[nodiscard]] firmware::Step poll_firmware();
+  /// Changes whenever the host has to look at its end anew.
+  [[nodiscard]] std::uint64_t attachment() const noexcept;
   void restart_if_wanted();
-  void age_calibration();
+  void age_calibrations();
+  void age_calibration(bool host_has_all);
 
   bool ages_calibrations_ = false;  ///< calibration=stale
   bool references_used_ = false;
+  std::uint64_t asleep_until_us_ = 0;  ///< Between a restart and the firmware's first turn, over USB.
   std::unique_ptr<VirtualBoard> board_;
+  std::unique_ptr<UsbFirmware> usb_;  ///< Carrier::kUsb; made anew at each boot.
   std::unique_ptr<firmware::Ports> ports_;
   std::unique_ptr<firmware::Instrument> core_;
-  std::unique_ptr<firmware::Rescue> rescue_;  ///< Instead of core_ when no image could be started.
+  std::unique_ptr<firmware::Rescue> rescue_;  ///< Instead of core_ when no image could be started; kPipe.
 };
 
 }  // namespace scatter::simulator

@@ -24,6 +24,7 @@ class UsbCompletions {
   void add_out(std::uint64_t id, UsbOutcome outcome, std::size_t actual) {
     queue_.push_back({.id = id, .outcome = outcome, .actual = actual, .data = {}});
   }
+  [[nodiscard]] bool empty() const noexcept { return queue_.empty(); }
   [[nodiscard]] std::optional<UsbCompletion> take() {
     if (queue_.empty()) {
       return std::nullopt;

@@ -258,6 +258,14 @@ bool VirtualUsbController::cancel(std::uint64_t id) {
   return std::ranges::any_of(outs_, [id](OutPipe& pipe) { return pipe.cancel(id); });
 }
 
+std::optional<UsbCompletion> VirtualUsbController::next_completion() {
+  std::optional<UsbCompletion> first = completions_.take();
+  if (first && completions_.empty() && completion_taken_) {
+    completion_taken_();
+  }
+  return first;
+}
+
 std::size_t VirtualUsbController::under_way() const {
   std::size_t count = control_.under_way();
   for (const InPipe& pipe : ins_) {

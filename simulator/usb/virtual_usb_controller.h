@@ -4,9 +4,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <list>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "firmware/ports/ports.h"
 #include "firmware/ports/usb_controller.h"
@@ -60,9 +62,12 @@ class VirtualUsbController final : public firmware::UsbController, public UsbPor
   void reset() override;
   void submit(UsbTransfer transfer) override;
   bool cancel(std::uint64_t id) override;
-  [[nodiscard]] std::optional<UsbCompletion> next_completion() override { return completions_.take(); }
+  [[nodiscard]] std::optional<UsbCompletion> next_completion() override;
   [[nodiscard]] std::size_t under_way() const override;
   [[nodiscard]] bool host_is_slow() const override;
+
+  /// Called whenever the host has taken the last completion.
+  void on_completion_taken(std::function<void()> call) { completion_taken_ = std::move(call); }
 
   /// Lets what was held back for too long go on. Call whenever time has moved.
   void tick();
@@ -89,6 +94,7 @@ class VirtualUsbController final : public firmware::UsbController, public UsbPor
   UsbTransferFaults transfers_;
   InPipe::Faults in_faults_{to_host_, transfers_};
   UsbCompletions completions_;
+  std::function<void()> completion_taken_;
   ControlPipe control_{completions_};
   std::list<InPipe> ins_;
   std::list<OutPipe> outs_;
