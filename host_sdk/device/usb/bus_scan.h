@@ -42,8 +42,15 @@ struct SystemRoot {
   std::filesystem::path path = "/";
 };
 
+/// Programs that have the node open, as far as this user may see; reads the list of open files of every
+/// process.
+[[nodiscard]] std::vector<Holder> find_holders(const std::filesystem::path& node,
+                                               const SystemRoot& root = {});
+
 /// Devices with our vendor and product numbers, by port. Empty where there is no USB.
-/// Cost  a few file reads per device. Threads  any.
+/// A device without readable descriptors is listed as not ours. Bytes in names that would disturb a terminal
+/// become '?'.
+/// Cost  a few file reads per device, and find_holders() for one in use. Threads  any.
 [[nodiscard]] std::vector<BusEntry> scan_bus(const SystemRoot& root = {});
 
 }  // namespace scatter::device::usb
