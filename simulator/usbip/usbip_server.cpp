@@ -16,6 +16,7 @@
 
 #include "simulator/instrument/listener.h"
 #include "simulator/instrument/pace.h"
+#include "simulator/instrument/virtual_instrument.h"
 #include "simulator/usbip/client.h"
 #include "simulator/usbip/exported_device.h"
 #include "simulator/usbip/vhci_bus.h"
@@ -34,6 +35,7 @@ struct UsbIpServer::Parts {
         wake(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
         exported(device.port(), options.speed) {}
 
+  std::unique_ptr<UsbIpDevice> owned;  ///< `device`, where it is an adapter of ours; goes last.
   UsbIpDevice& device;
   UsbIpOptions options;
   Listener listener;
@@ -62,6 +64,21 @@ struct UsbIpServer::Parts {
 namespace {
 
 constexpr std::size_t kMostClients = 8;
+
+class ServedInstrument final : public UsbIpDevice {
+ public:
+  ServedInstrument(VirtualInstrument& instrument, UsbPort& port) : instrument_(instrument), port_(port) {}
+  [[nodiscard]] UsbPort& port() override { return port_; }
+  [[nodiscard]] std::uint64_t run_ready() override { return instrument_.run_ready(); }
+  [[nodiscard]] std::uint64_t now_us() const override { return instrument_.now_us(); }
+  [[nodiscard]] ClockMode clock_mode() const override { return instrument_.clock_mode(); }
+  void advance_to(std::uint64_t time_us) override { instrument_.advance_to(time_us); }
+  void press_button() override { instrument_.press_button(); }
+
+ private:
+  VirtualInstrument& instrument_;
+  UsbPort& port_;
+};
 
 }  // namespace
 
@@ -176,6 +193,22 @@ Result<std::unique_ptr<UsbIpServer>> UsbIpServer::listen(std::string_view addres
   }
   return std::unique_ptr<UsbIpServer>(
       new UsbIpServer(std::make_unique<Parts>(device, options, std::move(*listener))));
+}
+
+Result<std::unique_ptr<UsbIpServer>> UsbIpServer::listen(std::string_view address,
+                                                         VirtualInstrument& instrument,
+                                                         const UsbIpOptions& options) {
+  UsbPort* port = instrument.usb();
+  if (port == nullptr) {
+    return fail(ErrorCode::kFailedPrecondition, "the simulated instrument has no USB socket",
+                "make it with the carrier USB");
+  }
+  auto served = std::make_unique<ServedInstrument>(instrument, *port);
+  Result<std::unique_ptr<UsbIpServer>> server = listen(address, *served, options);
+  if (server) {
+    (*server)->parts_->owned = std::move(served);
+  }
+  return server;
 }
 
 UsbIpServer::UsbIpServer(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}

@@ -59,6 +59,10 @@ class UsbIpServer {
   [[nodiscard]] static Result<std::unique_ptr<UsbIpServer>> listen(std::string_view address,
                                                                    UsbIpDevice& device,
                                                                    const UsbIpOptions& options = {});
+  /// kFailedPrecondition: the instrument's carrier is not USB.
+  [[nodiscard]] static Result<std::unique_ptr<UsbIpServer>> listen(std::string_view address,
+                                                                   VirtualInstrument& instrument,
+                                                                   const UsbIpOptions& options = {});
   /// Unplugs the device.
   ~UsbIpServer();
   UsbIpServer(const UsbIpServer&) = delete;
