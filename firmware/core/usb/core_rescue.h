@@ -7,7 +7,7 @@
 
 namespace scatter::firmware {
 
-/// RAM: 24 B on a 64-bit machine, 12 B on 32 bit. Both outlive it.
+/// RAM: 12 B on a Cortex-M7. Both outlive it.
 class CoreRescue final : public RescueService {
  public:
   CoreRescue(InstrumentCore& core, Ports& ports) noexcept : core_(core), ports_(ports) {}

@@ -40,7 +40,7 @@ struct UsbParts {
   RescueService* rescue = nullptr;  ///< Null: there is no application, DFU mode only.
 };
 
-/// RAM: 5.1 KiB on 32 bit, 4 KiB of it for the data of a DFU block; no heap. Threads: one, that of the main
+/// RAM: 4840 B on a Cortex-M7, 4096 B of it for the data of a DFU block; no heap. Threads: one, that of the main
 /// loop.
 class UsbDevice {
  public:
