@@ -45,6 +45,9 @@ class ServedDevice {
   /// Virtual clock: time moves on to `time_us`. Real clock: no effect.
   virtual void advance_to(std::uint64_t time_us) = 0;
 
+  /// Presses the measure button, where there is one.
+  virtual void press_button() {}
+
   /// Adds what else should wake the server from its wait.
   virtual void add_waits(std::vector<pollfd>& files) { (void)files; }
 };

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <optional>
@@ -25,14 +26,20 @@ namespace scatter::simulator {
 struct Server::Parts {
   Listener listener;
   ServedDevice& device;
-  std::unique_ptr<ServedDevice> owned;  ///< `device`, where it is an adapter of ours.
-  std::optional<HostConnection> host;
-  std::vector<TurnedAway> turned_away;
-  Statistics statistics;
+  std::unique_ptr<ServedDevice> owned{};  ///< `device`, where it is an adapter of ours.
+  std::optional<HostConnection> host{};
+  std::vector<TurnedAway> turned_away{};
+  Statistics statistics{};
+  FileDescriptor wake{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)};
+  std::atomic<unsigned> presses{0};
 
   void accept_all();
   [[nodiscard]] bool pump_host();
-  [[nodiscard]] Status wait(int stop_event, std::uint64_t microseconds);
+  [[nodiscard]] Status wait(std::uint64_t microseconds);
+  void wake_up() const noexcept {
+    const std::uint64_t one = 1;
+    (void)!::write(wake.number(), &one, sizeof one);
+  }
 };
 
 namespace {
@@ -58,6 +65,7 @@ class ServedInstrument final : public ServedDevice {
   [[nodiscard]] std::uint64_t now_us() const override { return instrument_.now_us(); }
   [[nodiscard]] ClockMode clock_mode() const override { return instrument_.clock_mode(); }
   void advance_to(std::uint64_t time_us) override { instrument_.advance_to(time_us); }
+  void press_button() override { instrument_.press_button(); }
 
  private:
   VirtualInstrument& instrument_;
@@ -98,8 +106,8 @@ bool Server::Parts::pump_host() {
   return moved;
 }
 
-Status Server::Parts::wait(int stop_event, std::uint64_t microseconds) {
-  std::vector<pollfd> files{{stop_event, POLLIN, 0}, {listener.number(), POLLIN, 0}};
+Status Server::Parts::wait(std::uint64_t microseconds) {
+  std::vector<pollfd> files{{wake.number(), POLLIN, 0}, {listener.number(), POLLIN, 0}};
   if (host) {
     files.push_back({host->number(), host->wanted_events(), 0});
   }
@@ -114,6 +122,8 @@ Status Server::Parts::wait(int stop_event, std::uint64_t microseconds) {
     return fail(ErrorCode::kInternal, fmt::format("{}: poll: {}", listener.address(), std::strerror(errno)),
                 "start the server again");
   }
+  std::uint64_t ignored = 0;
+  (void)!::read(wake.number(), &ignored, sizeof ignored);
   return {};
 }
 
@@ -123,8 +133,8 @@ Result<std::unique_ptr<Server>> Server::listen(std::string_view address, ServedD
   if (!listener) {
     return std::unexpected(std::move(listener.error()));
   }
-  return std::unique_ptr<Server>(new Server(
-      std::unique_ptr<Parts>(new Parts{std::move(*listener), device, nullptr, std::nullopt, {}, {}})));
+  return std::unique_ptr<Server>(
+      new Server(std::unique_ptr<Parts>(new Parts{.listener = std::move(*listener), .device = device})));
 }
 
 Result<std::unique_ptr<Server>> Server::listen(std::string_view address, VirtualInstrument& instrument,
@@ -147,16 +157,20 @@ Server::Statistics Server::statistics() const noexcept {
   return parts_->statistics;
 }
 
+void Server::press_button() noexcept {
+  parts_->presses.fetch_add(1);
+  parts_->wake_up();
+}
+
 Status Server::serve(const std::stop_token& stop) {
-  const FileDescriptor stop_event(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-  const std::stop_callback wake_up(stop, [&stop_event] {
-    const std::uint64_t one = 1;
-    (void)!::write(stop_event.number(), &one, sizeof one);
-  });
+  const std::stop_callback wake_up(stop, [this] { parts_->wake_up(); });
   ServedDevice& device = parts_->device;
   Pace pace(device.clock_mode());
   while (!stop.stop_requested()) {
     parts_->accept_all();
+    for (unsigned presses = parts_->presses.exchange(0); presses > 0; --presses) {
+      device.press_button();
+    }
     const Result<std::uint64_t> ran = device.run_ready();
     if (!ran) {
       return std::unexpected(ran.error());
@@ -170,7 +184,7 @@ Status Server::serve(const std::stop_token& stop) {
     const bool host_is_slow = parts_->host && parts_->host->host_is_slow();
     // A wait of 0 looks at the sockets all the same, so that an endless run still hears its host.
     const std::uint64_t wait = pace.wait_us(device.now_us(), wake, host_is_slow);
-    if (Status waited = parts_->wait(stop_event.number(), wait); !waited) {
+    if (Status waited = parts_->wait(wait); !waited) {
       return waited;
     }
     if (const auto time = pace.time_after_wait()) {

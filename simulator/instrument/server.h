@@ -25,7 +25,7 @@ struct ServerOptions {
 /// Time      Real clock: as it runs. Virtual clock: from event to event while the device has something
 ///           to do, with the computer's clock while it waits for the host, and not at all while the
 ///           host does not take what was sent.
-/// Threads   serve() from one thread; request the stop from any.
+/// Threads   serve() from one thread; request the stop, and press the button, from any.
 class Server {
  public:
   /// Starts to listen; hosts can connect from now on and are served by serve().
@@ -44,6 +44,9 @@ class Server {
   /// Serves until stopped (within 100 ms); the socket file goes with the Server.
   /// Errors    kInternal: the system refuses to poll; others by the device when it is gone for good.
   [[nodiscard]] Status serve(const std::stop_token& stop);
+
+  /// Somebody presses the instrument's measure button, where it has one.
+  void press_button() noexcept;
 
   struct Statistics {
     std::uint64_t hosts = 0;        ///< Connections that held the device.
