@@ -62,12 +62,34 @@ struct NewsHeader {
   std::uint32_t header_size = sizeof(NewsHeader);
   std::uint32_t properties_offset = sizeof(NewsHeader);
   std::uint32_t properties_size = 0;
-  /// For filters in the kernel, which these sockets do not have.
+  /// The kernel drops messages by these before a monitor sees them.
   std::uint32_t subsystem_hash = 0;
   std::uint32_t devtype_hash = 0;
   std::uint32_t tag_bloom_high = 0;
   std::uint32_t tag_bloom_low = 0;
 };
+
+/// MurmurHash2 of Austin Appleby with seed 0, in network order, as udev's filters compare it.
+std::uint32_t filter_hash(std::string_view text) {
+  constexpr std::uint32_t kFactor = 0x5bd1e995;
+  auto hash = static_cast<std::uint32_t>(text.size());
+  for (; text.size() >= 4; text.remove_prefix(4)) {
+    std::uint32_t word = 0;
+    std::memcpy(&word, text.data(), 4);
+    word *= kFactor;
+    word ^= word >> 24U;
+    hash = (hash * kFactor) ^ (word * kFactor);
+  }
+  if (!text.empty()) {
+    for (std::size_t k = 0; k < text.size(); ++k) {
+      hash ^= static_cast<std::uint32_t>(static_cast<unsigned char>(text[k])) << (8U * k);
+    }
+    hash *= kFactor;
+  }
+  hash ^= hash >> 13U;
+  hash *= kFactor;
+  return htonl(hash ^ hash >> 15U);
+}
 
 /// False: the listener is there and did not take it.
 bool send_news(const fs::path& listener, const std::string& message) {
@@ -212,6 +234,12 @@ void Testbed::announce(const SysDevice& device, std::string_view action) {
   }
   NewsHeader header;
   header.properties_size = static_cast<std::uint32_t>(properties.size());
+  header.subsystem_hash = filter_hash(device.subsystem);
+  for (const auto& [key, value] : device.properties) {
+    if (key == "DEVTYPE") {
+      header.devtype_hash = filter_hash(value);
+    }
+  }
   std::string message(reinterpret_cast<const char*>(&header), sizeof header);
   message += properties;
   std::vector<fs::path> listeners;
