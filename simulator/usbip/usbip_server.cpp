@@ -64,6 +64,7 @@ struct UsbIpServer::Parts {
 namespace {
 
 constexpr std::size_t kMostClients = 8;
+constexpr int kFirstTurns = 100;
 
 class ServedInstrument final : public UsbIpDevice {
  public:
@@ -191,8 +192,13 @@ Result<std::unique_ptr<UsbIpServer>> UsbIpServer::listen(std::string_view addres
   if (!listener) {
     return std::unexpected(std::move(listener.error()));
   }
-  return std::unique_ptr<UsbIpServer>(
-      new UsbIpServer(std::make_unique<Parts>(device, options, std::move(*listener))));
+  auto parts = std::make_unique<Parts>(device, options, std::move(*listener));
+  // So that the first client finds it; a device that needs longer is found later.
+  for (int k = 0; k < kFirstTurns && parts->exported.record() == nullptr; ++k) {
+    (void)device.run_ready();
+    (void)parts->exported.poll();
+  }
+  return std::unique_ptr<UsbIpServer>(new UsbIpServer(std::move(parts)));
 }
 
 Result<std::unique_ptr<UsbIpServer>> UsbIpServer::listen(std::string_view address,
