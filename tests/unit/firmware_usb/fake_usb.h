@@ -78,6 +78,7 @@ class FakeController final : public UsbController {
     events_.clear();
     under_way_ = false;
     wanted = 0;
+    sent_view_ = {};
   }
   UsbSpeed speed() noexcept override { return on_bus ? its_speed : UsbSpeed::kNone; }
   UsbEvent next_event() noexcept override {

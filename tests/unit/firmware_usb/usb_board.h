@@ -116,9 +116,13 @@ class UsbBoard {
     }
   }
 
-  /// A control transfer; `data` for those to the device.
+  /// A control transfer; `data` for those to the device. Off the bus nothing answers.
   ControlResult control(std::uint8_t type, std::uint8_t request, std::uint16_t value, std::uint16_t index,
                         std::uint16_t length, std::span<const std::byte> data = {}) {
+    if (!bus.on_bus) {
+      return {.stalled = true, .data = {}};
+    }
+    const std::uint32_t joins = bus.joins;
     const auto low = [](std::uint16_t v) { return static_cast<std::uint8_t>(v & 0xFFU); };
     const auto high = [](std::uint16_t v) { return static_cast<std::uint8_t>(v >> 8U); };
     bus.setup({type, request, low(value), high(value), low(index), high(index), low(length), high(length)});
@@ -127,6 +131,9 @@ class UsbBoard {
       if (bus.wanted != 0) {
         bus.give(data);
       }
+    }
+    if (!bus.on_bus || bus.joins != joins) {
+      return {.stalled = true, .data = {}};  // It left meanwhile.
     }
     if (bus.answer == FakeController::Answer::kNone) {
       bus.misuse.emplace_back("no answer to a SETUP");
