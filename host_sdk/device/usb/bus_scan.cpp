@@ -113,6 +113,7 @@ std::vector<BusEntry> scan_bus(const SystemRoot& root) {
     entry.serial = attribute(folder / "serial");
     entry.speed_mbps = speed_of(attribute(folder / "speed"));
     if (shape) {
+      entry.readable = true;
       entry.dfu_mode = product_id == kDfuProductId && shape->dfu_mode();
       entry.ours = entry.dfu_mode || (product_id == kProductId && shape->streams());
       entry.rescue_interface = shape->has_hid();

@@ -26,6 +26,7 @@ struct BusEntry {
   std::string product;        ///< "" when the device gives none.
   std::string serial;
   std::uint32_t speed_mbps = 0;  ///< 12, 480, 5000; 0: unknown.
+  bool readable = false;         ///< Its descriptors are whole; false: `ours` and what follows is not known.
   bool ours = false;  ///< Its interfaces are those of an instrument, not of a stranger with our numbers.
   bool dfu_mode = false;
   bool rescue_interface = false;  ///< HID is there.

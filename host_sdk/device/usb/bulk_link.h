@@ -1,0 +1,130 @@
+// The two bulk pipes of one open instrument: transfers under way in the kernel, lent in order. Internal to
+// this folder.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "host_sdk/device/transport.h"
+#include "host_sdk/device/usb/bus_scan.h"
+#include "host_sdk/device/usb/event_loop.h"
+#include "host_sdk/error/error.h"
+
+struct libusb_device_handle;
+struct libusb_transfer;
+
+namespace scatter::device::usb {
+
+/// Promises:
+/// - bytes are lent in the order of the wire; a transfer's buffer is the kernel's where the system gives
+/// such,
+///   and goes back to it at the next receive();
+/// - memory is bounded by the transfers: while nobody receives they fill up, and the device waits (NAK);
+/// - a halted endpoint is drained and started again, failed transfers are counted, and the link goes on;
+/// - close() cancels, waits until the kernel has given every transfer back, tells the device (alternate
+///   setting 0), and only then lets go; a device that does not answer is left to a thread of its own after
+///   150 ms.
+///
+/// Threads  one; abandon() from any. The event thread only moves transfers between lists.
+class BulkLink : public std::enable_shared_from_this<BulkLink> {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// Opens, claims, selects the open setting and submits. Errors  as Context::open; kDeadlineExceeded,
+  /// kAborted; kDisconnected: it was unplugged meanwhile.
+  [[nodiscard]] static Result<std::shared_ptr<BulkLink>> open(std::shared_ptr<EventLoop> loop,
+                                                              const BusEntry& entry, int transfers,
+                                                              Clock::time_point deadline,
+                                                              const std::stop_token& stop);
+  ~BulkLink();
+  BulkLink(const BulkLink&) = delete;
+  BulkLink& operator=(const BulkLink&) = delete;
+
+  [[nodiscard]] Result<std::span<const std::byte>> receive(Clock::time_point deadline,
+                                                           const std::stop_token& stop);
+  [[nodiscard]] Status write(std::span<const std::byte> bytes, Clock::time_point deadline,
+                             const std::stop_token& stop);
+  void close() noexcept;
+  /// Every call from now on gives kDisconnected.
+  void abandon() noexcept;
+
+  [[nodiscard]] std::vector<Notice> notices() const { return notices_; }
+  [[nodiscard]] CarrierStatistics statistics() const noexcept { return statistics_; }
+
+ private:
+  /// One transfer and its memory.
+  struct Slot {
+    BulkLink* owner = nullptr;
+    libusb_transfer* transfer = nullptr;
+    std::byte* memory = nullptr;
+    bool of_kernel = false;        ///< `memory` is the kernel's; else the heap's.
+    std::uint32_t generation = 0;  ///< Of the pipe when it was submitted.
+  };
+
+  BulkLink(std::shared_ptr<EventLoop> loop, BusEntry entry, int transfers);
+  [[nodiscard]] Status attach();
+  [[nodiscard]] Status start();
+  [[nodiscard]] bool make_slot(Slot& slot, std::uint8_t endpoint, bool kernel_memory);
+  void free_slot(Slot& slot) noexcept;
+  static void on_complete(libusb_transfer* transfer);
+
+  /// Hands a slot of the IN pipe to the kernel; keeps it idle where that cannot be.
+  void submit_in(Slot& slot);
+  [[nodiscard]] int submit(Slot& slot);
+  void judge(const Slot& slot);
+  /// Ends a halt of the IN pipe. False: the device does not answer.
+  void restart_in();
+  [[nodiscard]] bool clear_halt(std::uint8_t endpoint);
+  /// Waits until nothing is under way; false when `limit` passed.
+  [[nodiscard]] bool drain(Clock::time_point limit);
+  void cancel_all() noexcept;
+  [[nodiscard]] int send_piece(std::span<const std::byte> piece, Clock::time_point deadline,
+                               const std::stop_token& stop, std::size_t& sent);
+  void lose(const std::string& why);
+  [[nodiscard]] bool gone(std::string* why = nullptr) const;
+  [[nodiscard]] std::unexpected<Error> disconnected() const;
+  [[nodiscard]] std::unexpected<Error> no_memory() const;
+  void shut_down() noexcept;
+
+  const std::shared_ptr<EventLoop> loop_;
+  const BusEntry entry_;
+  libusb_device_handle* handle_ = nullptr;
+  bool claimed_ = false;
+  std::atomic<bool> closed_ = false;
+
+  // Of the thread that uses the link.
+  std::vector<Slot> in_;
+  Slot out_;
+  std::vector<Slot*> idle_;
+  Slot* lent_ = nullptr;
+  bool halted_ = false;
+  std::uint32_t generation_ = 0;
+  int failures_in_row_ = 0;
+  std::vector<Notice> notices_;
+  CarrierStatistics statistics_;
+
+  /// Held while a call asks the device something that it may be slow to answer.
+  std::mutex control_mutex_;
+
+  // Shared with the event thread.
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Slot*> completed_;  ///< Oldest first.
+  int under_way_ = 0;            ///< Both pipes.
+  bool out_busy_ = false;
+  bool gone_ = false;
+  std::string gone_why_;
+};
+
+}  // namespace scatter::device::usb

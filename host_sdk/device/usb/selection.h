@@ -1,0 +1,33 @@
+// Which device a usb: URI means, among those on the bus. Internal to this folder.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "host_sdk/device/uri.h"
+#include "host_sdk/device/usb/bus_scan.h"
+#include "host_sdk/error/error.h"
+
+namespace scatter::device::usb {
+
+/// At most one of them; none: the only instrument there is.
+struct Selector {
+  std::string serial;
+  std::string port;
+};
+
+/// `usb:`, `usb:serial=SC42`, `usb:port=1-1.4`. Errors  kInvalidArgument: another key, an empty value.
+[[nodiscard]] Result<Selector> read_selector(const Uri& uri);
+
+/// "usb:serial=SC42", or by its port when it has no serial number.
+[[nodiscard]] std::string uri_for(const BusEntry& entry);
+/// "instrument 'SC42' at USB port 1-1.4"
+[[nodiscard]] std::string label(const BusEntry& entry);
+
+/// The entry that can be opened. Strangers and devices in DFU mode are passed over unless they are named, or
+/// nothing else is there: then the error says what they are.
+/// Errors  kNotFound, kInvalidArgument, kFailedPrecondition as Context::open.
+[[nodiscard]] Result<BusEntry> select(std::span<const BusEntry> entries, const Selector& wanted);
+
+}  // namespace scatter::device::usb
