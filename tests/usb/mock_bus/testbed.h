@@ -44,6 +44,9 @@ class Testbed {
   void set_link(const std::string& path, const std::string& name, const std::string& target);
   /// Tells every udev monitor of every program. `action`: "add", "remove", "bind".
   void announce(const SysDevice& device, std::string_view action);
+  /// What /proc/PROCESS/fd shows, as everybody may see who uses a device.
+  void show_open_file(int process, const void* file, const std::string& node);
+  void hide_open_file(int process, const void* file);
   /// News that a program did not take within 200 ms; it never learns of them.
   [[nodiscard]] std::uint32_t lost_news() const noexcept { return lost_news_; }
 
