@@ -9,7 +9,7 @@ namespace scatter::firmware {
 /// All calls act at once and are made from the main loop.
 class RescueService {
  public:
-  /// `dfu_mode` is filled in by the caller.
+  /// `dfu_mode` stays false: there is no HID interface in DFU mode.
   [[nodiscard]] virtual protocol::RescueStatus status() noexcept = 0;
   /// Ends the run as the message abort does. The host that started it gets run_finished with the reason
   /// "aborted" (or the reply of the stop that it waits for).

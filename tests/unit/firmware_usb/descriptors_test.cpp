@@ -1,5 +1,5 @@
 // The descriptors against the rules of their specifications: USB 2.0 chapter 9, HID 1.11, DFU 1.1, Microsoft
-// OS 2.0. PROVES: SPEC 11.
+// OS 2.0.
 #include <catch2/catch.hpp>
 #include <map>
 #include <set>
@@ -131,6 +131,7 @@ Bytes configuration(UsbBoard& board, std::uint8_t type = 2) {
 
 }  // namespace
 
+// PROVES: SPEC 11.1
 TEST_CASE("The device descriptor is that of table 9-8, with the numbers of SPEC 11") {
   UsbBoard board;
   board.enumerate();
@@ -149,6 +150,7 @@ TEST_CASE("A device without a serial number says so in its device descriptor") {
   CHECK(board.get_descriptor(3, 3, 255, 0x0409).stalled);
 }
 
+// PROVES: SPEC 11.1
 TEST_CASE("The run-time configuration has bulk, HID and DFU interfaces as USB 2.0 has them") {
   const auto speed = GENERATE(UsbSpeed::kHigh, UsbSpeed::kFull);
   const std::uint16_t bulk = speed == UsbSpeed::kHigh ? 512 : 64;  // 5.8.3
@@ -232,6 +234,7 @@ TEST_CASE("A full-speed controller has no device qualifier") {
   CHECK_FALSE(board.get_descriptor(2, 0, 9).stalled);
 }
 
+// PROVES: SPEC 11.1
 TEST_CASE("The HID reports are 64 bytes each way on a vendor page, without report ids") {
   UsbBoard board;
   board.enumerate();
@@ -246,6 +249,7 @@ TEST_CASE("The HID reports are 64 bytes each way on a vendor page, without repor
   CHECK(found.bits.at(11) == 64 * 8);
 }
 
+// PROVES: SPEC 11.1
 TEST_CASE("The BOS names a Microsoft OS 2.0 set of exactly the length that is sent") {
   const bool rescue = GENERATE(false, true);
   UsbBoard board(rescue);
@@ -273,6 +277,7 @@ TEST_CASE("The BOS names a Microsoft OS 2.0 set of exactly the length that is se
   CHECK(board.control(0x40, code, 0, 7, 0).stalled);
 }
 
+// PROVES: SPEC 11.1
 TEST_CASE("Windows gives WinUSB to the bulk and the DFU function and finds them by an interface class") {
   UsbBoard board;
   board.enumerate();
@@ -298,6 +303,7 @@ TEST_CASE("Windows gives WinUSB to the bulk and the DFU function and finds them 
   CHECK(classes.size() == 2);
 }
 
+// PROVES: SPEC 11.1
 TEST_CASE("In DFU mode there is one interface, and the set is that of a device that is not composite") {
   UsbBoard board(true);
   board.enumerate();
@@ -315,6 +321,7 @@ TEST_CASE("In DFU mode there is one interface, and the set is that of a device t
   CHECK(board.control(0x81, 6, 0x2200, 1, kAll).stalled);  // No HID here.
 }
 
+// PROVES: SPEC 11.1
 TEST_CASE("Strings are UTF-16LE, and every index that a descriptor names exists") {
   UsbBoard board(false,
                  {.manufacturer = "\xC2\xB5m \xF0\x9F\x98\x80", .product = "HS\xFF", .serial = "T0001"});

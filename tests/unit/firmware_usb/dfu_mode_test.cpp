@@ -1,5 +1,4 @@
-// From the run-time configuration to DFU mode, through a download of a signed .scfw, to the restart. PROVES:
-// SPEC 11.
+// From the run-time configuration to DFU mode, through a download of a signed .scfw, to the restart.
 #include <catch2/catch.hpp>
 
 #include "tests/unit/firmware_usb/usb_host.h"
@@ -101,6 +100,7 @@ void enter(UsbBoard& board, DfuBus& dfu) {
 
 }  // namespace
 
+// PROVES: SPEC 11.7
 TEST_CASE("After DETACH the device leaves the bus by itself and comes back in DFU mode") {
   UsbBoard board;
   DfuBus dfu(board);
@@ -131,6 +131,7 @@ TEST_CASE("After DETACH the device leaves the bus by itself and comes back in DF
   CHECK(board.bus.misuse == std::vector<std::string>());
 }
 
+// PROVES: SPEC 11.7
 TEST_CASE("A host that resets the bus after DETACH finds DFU mode, too") {
   UsbBoard board;
   DfuBus dfu(board);
@@ -142,6 +143,7 @@ TEST_CASE("A host that resets the bus after DETACH finds DFU mode, too") {
   CHECK(board.bus.joins == 1);
 }
 
+// PROVES: SPEC 11.7
 TEST_CASE("DETACH ends run and session of the host on interface 0") {
   UsbBoard board;
   DfuBus dfu(board);
@@ -155,6 +157,7 @@ TEST_CASE("DETACH ends run and session of the host on interface 0") {
   CHECK_FALSE(board.instrument->session_open());
 }
 
+// PROVES: SPEC 11.8
 TEST_CASE("A signed file goes over the bus into the free slot, and a reset then restarts the device") {
   const std::size_t block = GENERATE(std::size_t{64}, std::size_t{1000}, std::size_t{4096});
   UsbBoard board;
@@ -181,6 +184,7 @@ TEST_CASE("A signed file goes over the bus into the free slot, and a reset then 
   CHECK(board.bus.misuse == std::vector<std::string>());
 }
 
+// PROVES: SPEC 11.8
 TEST_CASE("Without a download a reset leads back to the instrument, once DFU mode was used") {
   UsbBoard board;
   DfuBus dfu(board);
@@ -250,6 +254,7 @@ TEST_CASE("A block that the host cuts short is refused") {
   CHECK(dfu.status().state == DfuState::kError);
 }
 
+// PROVES: SPEC 11.7
 TEST_CASE("An update over the normal protocol that DETACH breaks off is resumed by DFU") {
   UsbBoard board;
   DfuBus dfu(board);
@@ -269,6 +274,7 @@ TEST_CASE("An update over the normal protocol that DETACH breaks off is resumed 
   CHECK(read_marks(board.slots.parts[1]).last == MarkKind::kReady);
 }
 
+// PROVES: SPEC 11.9
 TEST_CASE("A bootloader without an image joins the bus in DFU mode and can be given one") {
   UsbBoard board(true);
   board.slots.install(make_image({.slot = 0, .signer = Signer::kStranger}), {});

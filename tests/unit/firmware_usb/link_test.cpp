@@ -1,5 +1,5 @@
 // Interface 0 as the carrier of frames: who is attached, what a transfer holds, what stays of a host that
-// went. PROVES: SPEC 11.
+// went.
 #include <catch2/catch.hpp>
 
 #include "protocol/frame.h"
@@ -10,6 +10,7 @@ using namespace scatter::firmware::fake;
 using scatter::protocol::RunEnd;
 using scatter::protocol::RunState;
 
+// PROVES: SPEC 11.4
 TEST_CASE("A measurement over USB gives every frame, one wire frame in each transfer") {
   UsbBoard board;
   UsbHost usb(board);
@@ -39,6 +40,7 @@ TEST_CASE("Nobody is attached before setting 1 is chosen, and bytes for nobody a
   CHECK(board.bus.in(0x81).empty());
 }
 
+// PROVES: SPEC 11.2
 TEST_CASE("The device ends run and session when the host's program is gone and setting 0 comes back") {
   UsbBoard board;
   UsbHost usb(board);
@@ -55,6 +57,7 @@ TEST_CASE("The device ends run and session when the host's program is gone and s
   CHECK(board.board.optics.lit == Illuminator::kNone);
 }
 
+// PROVES: SPEC 11.2
 TEST_CASE("Choosing setting 1 again is a detach, even when the core had no turn in between") {
   UsbBoard board;
   UsbHost usb(board);
@@ -77,6 +80,7 @@ TEST_CASE("Choosing setting 1 again is a detach, even when the core had no turn 
   CHECK(board.instrument->session_open());
 }
 
+// PROVES: SPEC 11.2
 TEST_CASE("What a host did not take is not there for the next one") {
   UsbBoard board;
   UsbHost usb(board);
@@ -110,6 +114,7 @@ TEST_CASE("Bytes that come right behind SET_INTERFACE are not lost") {
   CHECK(board.instrument->session_open());
 }
 
+// PROVES: SPEC 11.5
 TEST_CASE("A halted bulk endpoint holds the stream, and clearing it goes on with the next frame") {
   UsbBoard board;
   UsbHost usb(board);

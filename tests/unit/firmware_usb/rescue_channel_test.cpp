@@ -1,5 +1,5 @@
 // The rescue channel: what the instrument says on its own, what it does when asked, above all while the bulk
-// pipes are stuck. PROVES: SPEC 12.
+// pipes are stuck.
 #include <catch2/catch.hpp>
 
 #include "protocol/codec.h"
@@ -28,6 +28,7 @@ void stick(UsbBoard& board, UsbHost& usb) {
 
 }  // namespace
 
+// PROVES: SPEC 12.4
 TEST_CASE("Each change of run, session and button is told, and nothing else") {
   UsbBoard board;
   UsbHost usb(board);
@@ -57,6 +58,7 @@ TEST_CASE("Each change of run, session and button is told, and nothing else") {
   CHECK(usb.answers.empty());
 }
 
+// PROVES: SPEC 12.4
 TEST_CASE("A host that reads late gets the newest status last") {
   UsbBoard board;
   UsbHost usb(board);
@@ -71,6 +73,7 @@ TEST_CASE("A host that reads late gets the newest status last") {
   CHECK(told.back().button_presses == 20);
 }
 
+// PROVES: SPEC 12.5
 TEST_CASE("The feature report tells the state with every pipe stuck") {
   UsbBoard board;
   UsbHost usb(board);
@@ -94,6 +97,7 @@ TEST_CASE("The feature report tells the state with every pipe stuck") {
   CHECK(board.control(0xA1, 1, 0x0300, 1, 8).data == part(input.data, 0, 8));
 }
 
+// PROVES: SPEC 12.3
 TEST_CASE("A rescue abort ends the run at once while bulk IN is full, and its host learns of it") {
   const bool by_control = GENERATE(false, true);
   UsbBoard board;
@@ -128,6 +132,7 @@ TEST_CASE("A rescue abort ends the run at once while bulk IN is full, and its ho
   CHECK(usb.host.measure(fixed_recipe()).reason == static_cast<std::uint8_t>(RunEnd::kCompleted));
 }
 
+// PROVES: SPEC 12.3
 TEST_CASE("A rescue abort answers the stop that waits, instead of an event") {
   UsbBoard board;
   UsbHost usb(board);
@@ -149,6 +154,7 @@ TEST_CASE("A rescue abort answers the stop that waits, instead of an event") {
   CHECK(usb.host.all<RunFinished>().empty());
 }
 
+// PROVES: SPEC 12.3
 TEST_CASE("A rescue abort cancels a start that waits for the stage") {
   UsbBoard board;
   board.board.with_stage = true;
@@ -197,6 +203,7 @@ TEST_CASE("A start that follows an abort at once leaves the end of the aborted r
   CHECK(usb.host.final_reply(next)->as<Started>().run_id == 2);
 }
 
+// PROVES: SPEC 12.3
 TEST_CASE("The crash record comes in pieces that make the message fault_record") {
   UsbBoard board;
   FaultRecord crash;
@@ -246,6 +253,7 @@ TEST_CASE("Without a crash the crash record is empty") {
   CHECK_FALSE(usb.feature().fault_recorded);
 }
 
+// PROVES: SPEC 12.3
 TEST_CASE("A rescue reboot answers first, and restarts although nobody reads the answer") {
   const bool read = GENERATE(true, false);
   UsbBoard board;
@@ -264,6 +272,7 @@ TEST_CASE("A rescue reboot answers first, and restarts although nobody reads the
   CHECK(board.board.optics.lit == Illuminator::kNone);
 }
 
+// PROVES: SPEC 12.2
 TEST_CASE("Commands act although nobody reads answers; the last four answers wait") {
   UsbBoard board;
   UsbHost usb(board);
@@ -280,6 +289,7 @@ TEST_CASE("Commands act although nobody reads answers; the last four answers wai
   CHECK(usb.answers.back().tag == 21);
 }
 
+// PROVES: SPEC 12.1
 TEST_CASE("Reports that are none are ignored, and the channel goes on") {
   UsbBoard board;
   UsbHost usb(board);
@@ -316,6 +326,7 @@ TEST_CASE("HID requests that this interface does not have are stalled") {
   CHECK(board.bus.misuse == std::vector<std::string>());
 }
 
+// PROVES: SPEC 12.4
 TEST_CASE("SET_IDLE repeats the status at its rate, 0 only on changes") {
   UsbBoard board;
   UsbHost usb(board);

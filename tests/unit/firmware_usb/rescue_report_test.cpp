@@ -1,5 +1,5 @@
 // The bytes of the rescue reports. Expected bytes are written down from the tables of SPEC.md section 12.
-// PROVES: SPEC 12.
+//
 #include <catch2/catch.hpp>
 
 #include "protocol/rescue_report.h"
@@ -51,6 +51,7 @@ RescueStatus status() {
 
 }  // namespace
 
+// PROVES: SPEC 12.2
 TEST_CASE("A rescue request has the bytes of SPEC 12") {
   const Bytes expected = padded({1, 4, 0x5A, 0, 0x30, 0x01});
   CHECK(encoded(RescueRequest{.command = RescueCommand::kFaultRecord, .tag = 0x5A, .offset = 0x0130}) ==
@@ -62,6 +63,7 @@ TEST_CASE("A rescue request has the bytes of SPEC 12") {
   CHECK(back->offset == 0x0130);
 }
 
+// PROVES: SPEC 12.2
 TEST_CASE("A rescue answer has the bytes of SPEC 12") {
   RescueAnswer answer{.command = RescueCommand::kFaultRecord,
                       .tag = 7,
@@ -87,6 +89,7 @@ TEST_CASE("A rescue answer has the bytes of SPEC 12") {
   CHECK(refused->status == StatusCode::kFailedPrecondition);
 }
 
+// PROVES: SPEC 12.5
 TEST_CASE("A rescue status has the bytes of SPEC 12") {
   CHECK(encoded(status()) == kStatus);
   const auto back = decode_rescue_status(kStatus);
@@ -106,6 +109,7 @@ TEST_CASE("A rescue status has the bytes of SPEC 12") {
   CHECK(back->led_board_mK == -1);
 }
 
+// PROVES: SPEC 12.1
 TEST_CASE("Reports of another version or kind, or out of range, are not read") {
   CHECK_FALSE(decode_rescue_request({}).has_value());
   CHECK_FALSE(decode_rescue_request(padded({2, 1})).has_value());
@@ -123,6 +127,7 @@ TEST_CASE("Reports of another version or kind, or out of range, are not read") {
   CHECK_FALSE(decode_rescue_status(padded({1, 1, 0, 5})).has_value());  // reset reason
 }
 
+// PROVES: SPEC 12.1
 TEST_CASE("A short report is read as if zeros followed, a long one is cut") {
   const auto request = decode_rescue_request(bytes({1, 2, 9}));
   REQUIRE(request.has_value());
@@ -136,6 +141,7 @@ TEST_CASE("A short report is read as if zeros followed, a long one is cut") {
   CHECK(encoded(*status_back) == kStatus);
 }
 
+// PROVES: SPEC 12.1
 TEST_CASE("Bytes without a meaning yet are ignored") {
   Bytes later = kStatus;
   later[4] |= std::byte{0xF8};

@@ -1,4 +1,4 @@
-// Control requests of USB 2.0 chapter 9 as hosts make them, and as they should not. PROVES: SPEC 11.
+// Control requests of USB 2.0 chapter 9 as hosts make them, and as they should not.
 #include <catch2/catch.hpp>
 
 #include "tests/unit/firmware_usb/descriptor_walk.h"
@@ -16,6 +16,7 @@ constexpr std::uint8_t kRescueOut = 0x04;
 
 }  // namespace
 
+// PROVES: SPEC 11.6
 TEST_CASE("A device is enumerated by the requests that Linux makes, in its order") {
   UsbBoard board;
   board.settle();
@@ -61,6 +62,7 @@ TEST_CASE("An answer is never longer than the host asked for, and never padded")
   CHECK(board.bus.misuse == std::vector<std::string>());
 }
 
+// PROVES: SPEC 11.6
 TEST_CASE("Before a configuration is chosen, interfaces and endpoints do not exist") {
   UsbBoard board;
   board.settle();
@@ -99,6 +101,7 @@ TEST_CASE("A configuration that does not exist changes nothing") {
   CHECK(board.control(0x80, 8, 0, 0, 1).data == bytes({1}));
 }
 
+// PROVES: SPEC 11.6
 TEST_CASE("Requests with a wrong recipient, index, value or length are stalled and change nothing") {
   UsbBoard board;
   board.enumerate();
@@ -174,6 +177,7 @@ TEST_CASE("A setting of interface 0 opens bulk endpoints of the bus's packet siz
   CHECK(board.control(0x81, 10, 0, 0, 1).data == bytes({0}));
 }
 
+// PROVES: SPEC 11.2
 TEST_CASE("Choosing a setting leaves the endpoints of other interfaces as they are") {
   UsbBoard board;
   board.enumerate();
@@ -219,6 +223,7 @@ TEST_CASE("Choosing the setting or the configuration anew ends a halt") {
   CHECK(board.bus.endpoints.count(kBulkIn) == 0);  // Setting 0 again.
 }
 
+// PROVES: SPEC 11.2
 TEST_CASE("A bus reset and an unplugged cable make the device as new") {
   const bool unplugged = GENERATE(false, true);
   UsbBoard board;
