@@ -465,7 +465,9 @@ void BulkLink::shut_down() noexcept {
     const std::lock_guard wait_for_control(control_mutex_);
   }
   if (claimed_) {
-    (void)::libusb_set_interface_alt_setting(handle_, kStreamInterface, kStreamIdleSetting);
+    // The kernel selects setting 0 again by itself. Asking libusb for it would be wrong for a device that has left:
+    // up to 1.0.26 libusb_set_interface_alt_setting() then unlocks a mutex that it never locked, and libusb_close()
+    // ends the program over it.
     (void)::libusb_release_interface(handle_, kStreamInterface);
   }
   for (Slot& slot : in_) {
