@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "host_sdk/device/transport.h"
+#include "host_sdk/device/usb/context.h"
 #include "tools/scatter/interrupt.h"
 #include "tools/scatter/nearest.h"
 #include "tools/scatter/verb.h"
@@ -70,10 +71,10 @@ int run(int argc, char** argv) {
       "Try:  scatter measure 'sim:?sample=ggx:alpha=0.2,f0=0.04,albedo=0.3' -o out\n"
       "Exit status: 0 done, 1 failed, 2 wrong usage.");
   std::vector<Verb> verbs;
-  for (const auto add :
-       {add_list,     add_info,    add_calibrate, add_measure,  add_record, add_process, add_inspect,
-        add_convert,  add_merge,   add_atlas,     add_compare,  add_fit,    add_plot,    add_corrode,
-        add_patinate, add_conform, add_selftest,  add_simulate, add_flash,  add_firmware}) {
+  for (const auto add : {add_list,     add_doctor,   add_rescue,  add_info,    add_calibrate, add_measure,
+                         add_record,   add_process,  add_inspect, add_convert, add_merge,     add_atlas,
+                         add_compare,  add_fit,      add_plot,    add_corrode, add_patinate,  add_conform,
+                         add_selftest, add_simulate, add_flash,   add_firmware}) {
     verbs.push_back(add(root));
   }
   bool json = false;
@@ -100,6 +101,7 @@ int run(int argc, char** argv) {
   }
   device::TransportRegistry registry;
   tools::register_sim_scheme(registry);
+  device::usb::add_usb_scheme(registry);
   const Context context{.json = json, .stop = stop_on_interrupt(), .registry = registry};
   for (const Verb& verb : verbs) {
     if (verb.app->parsed()) {

@@ -50,9 +50,11 @@ struct Verb {
 [[nodiscard]] Verb add_merge(CLI::App& root);
 [[nodiscard]] Verb add_atlas(CLI::App& root);
 [[nodiscard]] Verb add_compare(CLI::App& root);
+[[nodiscard]] Verb add_doctor(CLI::App& root);
 [[nodiscard]] Verb add_fit(CLI::App& root);
 [[nodiscard]] Verb add_patinate(CLI::App& root);
 [[nodiscard]] Verb add_plot(CLI::App& root);
+[[nodiscard]] Verb add_rescue(CLI::App& root);
 [[nodiscard]] Verb add_selftest(CLI::App& root);
 [[nodiscard]] Verb add_simulate(CLI::App& root);
 [[nodiscard]] Verb add_flash(CLI::App& root);

@@ -12,6 +12,7 @@
 #include "tools/scatter/measure_spots.h"
 #include "tools/scatter/measurement_json.h"
 #include "tools/scatter/results.h"
+#include "tools/scatter/usb_target.h"
 
 namespace scatter::cli {
 namespace {
@@ -23,6 +24,7 @@ struct Options {
   std::string output;
   std::string title;
   bool correct_tilt = false;
+  bool on_button = false;
   int spots = 1;
   double rotation_deg = 0;
 };
@@ -68,6 +70,11 @@ Result<Answer> run(const Options& options, const Context& context) {
   how->process.correct_tilt = options.correct_tilt;
   how->process.sample_rotation_rad = reflectance::radians(options.rotation_deg);
   const std::string title = options.title.empty() ? title_of(options.recording.uri) : options.title;
+  if (options.on_button) {
+    if (const Status pressed = wait_for_button(options.recording.uri, context); !pressed) {
+      return std::unexpected(pressed.error());
+    }
+  }
   if (options.spots > 1) {
     return measure_spots({.uri = options.recording.uri,
                           .folder = options.output,
@@ -145,6 +152,8 @@ Verb add_measure(CLI::App& root) {
   app->add_flag("--correct-tilt", options->correct_tilt, "Correct for the estimated tilt of the sample");
   app->add_option("--rotation", options->rotation_deg, "The sample is turned by this on its mount [deg]")
       ->check(CLI::Range(-360.0, 360.0));
+  app->add_flag("--on-button", options->on_button,
+                "Begin when the instrument's measure button is pressed (usb: only)");
   app->add_option("--spots", options->spots,
                   "Measure this many places of the sample: each one's files, their mean and how they differ")
       ->check(CLI::Range(1, kMostSpots));
