@@ -32,9 +32,9 @@ namespace scatter::device::usb {
 ///   and goes back to it at the next receive();
 /// - memory is bounded by the transfers: while nobody receives they fill up, and the device waits (NAK);
 /// - a halted endpoint is drained and started again, failed transfers are counted, and the link goes on;
-/// - close() cancels, waits until the kernel has given every transfer back, tells the device (alternate
-///   setting 0), and only then lets go; a device that does not answer is left to a thread of its own after
-///   150 ms.
+/// - close() cancels, waits until the kernel has given every transfer back, and only then lets go of
+///   the interface, which tells the device (alternate setting 0); a device that does not answer is left to a
+///   thread of its own after 150 ms.
 ///
 /// Threads  one; abandon() from any. The event thread only moves transfers between lists.
 class BulkLink : public std::enable_shared_from_this<BulkLink> {
