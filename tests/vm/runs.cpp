@@ -59,7 +59,7 @@ bool run(device::Device& device, std::uint16_t frames, std::uint16_t side, int& 
       break;
     }
     wrong += (*frame)->status == device::FrameStatus::kComplete ? wrong_pixels(**frame) : 1;
-    if (got++ == 0) {
+    if (got++ == 0 && frames > 2) {
       fmt::print("streaming\n");
       std::fflush(stdout);
     }
