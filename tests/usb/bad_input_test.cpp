@@ -117,8 +117,8 @@ TEST_CASE("Descriptors cut anywhere or full of random bytes: an error, never a h
     Result<Device> device = host.try_open();
     CHECK(ms_since(begin) < 1000);
     REQUIRE_FALSE(device.has_value());
-    const bool known = device.error().code == ErrorCode::kNotFound ||
-                       device.error().code == ErrorCode::kFailedPrecondition;
+    const bool known =
+        device.error().code == ErrorCode::kNotFound || device.error().code == ErrorCode::kFailedPrecondition;
     CHECK(known);
     CHECK_FALSE(device.error().remedy.empty());
   }

@@ -1,9 +1,9 @@
-// Whole conversations over real libusb: what arrives, that nothing is lost, and that the bus is left as it was.
+// Whole conversations over real libusb: what arrives, that nothing is lost, and that the bus is left as it
+// was.
 #include <sys/resource.h>
 
 #include <algorithm>
 
-#include "host_sdk/device/conformance/conformance.h"
 #include "host_sdk/device/usb/bus_scan.h"
 #include "tests/usb/rig.h"
 
@@ -108,7 +108,8 @@ TEST_CASE("A frame's pixels are copied at most once on their way from the bus to
   Device device = host.open();
   const Outcome outcome = integration::run(device, integration::pattern_recipe(50));
   check_whole(outcome, 50);
-  // Frames that lie whole in one transfer are not put together, so the pixels' way into their frame is the only one.
+  // Frames that lie whole in one transfer are not put together, so the pixels' way into their frame is the
+  // only one.
   CHECK(outcome.summary.link.copied_bytes == 0);
 }
 
@@ -151,30 +152,4 @@ TEST_CASE("The bus scan sees the instrument, and says whether a program uses it,
   CHECK(host.bus().statistics()["opened"] == while_open);
   REQUIRE(used.size() == 1);
   CHECK(used.front().in_use);
-}
-
-TEST_CASE("The instrument passes the conformance suite over USB") {
-  Host host;
-  conformance::Options options;
-  options.write = true;
-  options.open = [&](const device::Wait& wait) -> Result<std::unique_ptr<device::Transport>> {
-    // After a restart the device joins the bus anew.
-    Result<std::unique_ptr<device::Transport>> transport = host.registry().open("usb:", wait);
-    (void)soon([&] {
-      if (!transport) {
-        transport = host.registry().open("usb:", wait);
-      }
-      return transport.has_value();
-    });
-    return transport;
-  };
-  const auto report = conformance::run(options);
-  REQUIRE(report.has_value());
-  std::string failures;
-  for (const conformance::Finding& finding : report->findings) {
-    if (finding.verdict == conformance::Verdict::kFailed) {
-      failures += std::string(finding.check.name) + ": " + finding.trouble + "\n";
-    }
-  }
-  CHECK(failures == "");
 }

@@ -1,5 +1,5 @@
-// usb_holder URI: opens an instrument, starts an endless run, prints "streaming" with its first frame, and takes
-// frames until it is killed.
+// usb_holder URI: opens an instrument, starts an endless run, prints "streaming" with its first frame, and
+// takes frames until it is killed.
 #include <cstdio>
 
 #include "host_sdk/device/device.h"

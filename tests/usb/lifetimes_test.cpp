@@ -79,8 +79,8 @@ TEST_CASE("Unplugged in the middle of opening, at any point: an error or a devic
     if (device) {
       check_gone(*device);
     } else {
-      const bool known = device.error().code == ErrorCode::kDisconnected ||
-                         device.error().code == ErrorCode::kNotFound;
+      const bool known =
+          device.error().code == ErrorCode::kDisconnected || device.error().code == ErrorCode::kNotFound;
       CHECK(known);
       INFO(device.error().what);
     }
@@ -145,7 +145,7 @@ TEST_CASE("Unplugged while calibrating") {
   const auto begun = device.calibration_begin();
   REQUIRE(begun.has_value());
   host.bus().unplug();
-  const auto placed = device.calibration_step(begun->session, protocol::Target::kWhite);
+  const auto placed = device.calibration_step(begun->session, protocol::Target::kWhiteReference);
   REQUIRE_FALSE(placed.has_value());
   CHECK(placed.error().code == ErrorCode::kDisconnected);
   check_usable(host);
@@ -227,7 +227,8 @@ TEST_CASE("Inside a Watch's call an instrument can be opened, used, closed and s
   {
     const device::usb::Watch watch = host.context().watch([&](const device::usb::Change& change) {
       const std::scoped_lock lock(mutex);
-      said.push_back((change.kind == device::usb::Change::Kind::kArrived ? "arrived " : "left ") + change.uri);
+      said.push_back((change.kind == device::usb::Change::Kind::kArrived ? "arrived " : "left ") +
+                     change.uri);
       if (change.kind == device::usb::Change::Kind::kArrived) {
         if (Result<Device> device = host.try_open(change.uri)) {
           if (device->configure(pattern_recipe(65535))) {
@@ -300,7 +301,9 @@ TEST_CASE("Destroyed in the middle of a stream, in any order, at any moment: not
   }
 }
 
-TEST_CASE("A program killed in the middle of a stream leaves the instrument stopped, and free for the next at once") {
+TEST_CASE(
+    "A program killed in the middle of a stream leaves the instrument stopped, and free for the next at "
+    "once") {
   Host host;
   host.bus().allow_abandoned();
   for (int k = 0; k < 5; ++k) {

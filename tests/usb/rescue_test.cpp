@@ -1,5 +1,6 @@
-// PROVES: issue 6: HID control/rescue channel on hidapi from one thread; unplug, busy device, no permission, device that
-// never answers, HID missing: clear error, remedy, bounded time. Built once for each backend of hidapi.
+// PROVES: issue 6: HID control/rescue channel on hidapi from one thread; unplug, busy device, no permission,
+// device that never answers, HID missing: clear error, remedy, bounded time. Built once for each backend of
+// hidapi.
 #include "host_sdk/device/usb/rescue_channel.h"
 
 #include <atomic>
@@ -14,6 +15,7 @@
 #include "host_sdk/device/usb/context.h"
 #include "host_sdk/device/usb/udev_rule.h"
 #include "tests/usb/bus_control.h"
+#include "tests/usb/rig.h"
 
 using namespace scatter::device;
 using scatter::ErrorCode;
@@ -115,11 +117,7 @@ TEST_CASE("Abort ends a run that another program started, and that program sees 
   auto device = Device::open("usb:", options);
   INFO((device ? "" : device.error().what));
   REQUIRE(device);
-  scatter::protocol::Recipe recipe;
-  recipe.illuminations.push_back(0);
-  recipe.exposures_us.push_back(10'000);
-  recipe.repeats = 1000;
-  const auto configured = device->configure(recipe);
+  const auto configured = device->configure(scatter::usb_test::endless_recipe());
   INFO((configured ? "" : configured.error().what));
   REQUIRE(configured);
   // One frame of credit: the run waits for the host, and is on until it is ended.
@@ -138,7 +136,7 @@ TEST_CASE("Abort ends a run that another program started, and that program sees 
       break;
     }
   }
-  CHECK(stream->summary().end == scatter::protocol::RunEnd::kAborted);
+  CHECK(stream->summary().reason == scatter::protocol::RunEnd::kAborted);
   CHECK(stream->summary().ledger.balances());
   const auto after = channel.status();
   REQUIRE(after);
@@ -167,7 +165,8 @@ TEST_CASE("A press of the measure button ends the wait for it, one that came bef
   const auto before = channel.status();
   REQUIRE(before);
   CHECK(code_of(channel.wait_for_button({.timeout = milliseconds(100)})) == ErrorCode::kDeadlineExceeded);
-  auto waiting = std::async(std::launch::async, [&] { return channel.wait_for_button({.timeout = kBounded}); });
+  auto waiting =
+      std::async(std::launch::async, [&] { return channel.wait_for_button({.timeout = kBounded}); });
   // Presses until one falls into the wait: the wait may not have begun at the first.
   while (waiting.wait_for(milliseconds(20)) == std::future_status::timeout) {
     bus.press_button();
@@ -196,8 +195,8 @@ TEST_CASE("Unplugging ends a wait as disconnected; after plugging in a new chann
   Bus bus;
   {
     auto channel = opened();
-    auto waiting =
-        std::async(std::launch::async, [&] { return channel.wait_for_button({.timeout = std::chrono::hours(1)}); });
+    auto waiting = std::async(std::launch::async,
+                              [&] { return channel.wait_for_button({.timeout = std::chrono::hours(1)}); });
     std::this_thread::sleep_for(milliseconds(50));
     bus.unplug();
     CHECK(code_of(waiting.get()) == ErrorCode::kDisconnected);

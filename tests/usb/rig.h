@@ -40,8 +40,8 @@ template <typename Condition>
   return true;
 }
 
-/// One program's USB, and the mock below it. At its end the bus must be as it was found: nothing under way, nothing
-/// that libusb found strange. Sockets other than the first are a test's own to unplug.
+/// One program's USB, and the mock below it. At its end the bus must be as it was found: nothing under way,
+/// nothing that libusb found strange. Sockets other than the first are a test's own to unplug.
 class Host {
  public:
   Host();
@@ -57,7 +57,8 @@ class Host {
   /// libusb may complain in this test (a device that sends garbage, for example).
   void allow_warnings() { warnings_allowed_ = true; }
 
-  [[nodiscard]] Result<device::Device> try_open(const std::string& uri = "usb:", const device::Wait& wait = {}) const;
+  [[nodiscard]] Result<device::Device> try_open(const std::string& uri = "usb:",
+                                                const device::Wait& wait = {}) const;
   [[nodiscard]] device::Device open(const std::string& uri = "usb:") const;
   /// Opens it as soon as it is there; fails the test after two seconds.
   [[nodiscard]] device::Device open_soon(const std::string& uri = "usb:") const;

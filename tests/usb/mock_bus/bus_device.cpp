@@ -143,7 +143,7 @@ void BusDevice::bind_hid(std::uint8_t interface, bool announced) {
   hidraw_ =
       std::make_unique<Hidraw>(testbed_, host_, tally_, enumerated_, *found,
                                Hidraw::Place{fmt::format("{}/{}:1.{}", entry_.path, place_.port, interface),
-                                             place_.hidraw, announced});
+                                             testbed_.next_hidraw(), announced});
   hidraw_->set_access(conditions_.access);
 }
 
@@ -242,7 +242,7 @@ bool BusDevice::serve() {
   for (const auto& old : old_hidraws_) {
     did = old->serve() || did;
   }
-  std::erase_if(old_hidraws_, [](const auto& old) { return !old->in_use(); });
+  std::erase_if(old_hidraws_, [](const auto& old) { return old->finished(); });
   return did;
 }
 
@@ -252,17 +252,18 @@ void BusDevice::leave() {
   }
   unbind_hid();
   gone_ = true;
-  server_.stop_listening();
-  node_.hang_up();
+  left_at_ = std::chrono::steady_clock::now();
   for (const SysDevice& interface : interface_entries_) {
     testbed_.remove(interface);
   }
   testbed_.remove(entry_);
+  node_.hang_up();
   testbed_.announce(entry_, "remove");
 }
 
-bool BusDevice::in_use() const noexcept {
-  return server_.in_use() || (hidraw_ != nullptr && hidraw_->in_use()) || !old_hidraws_.empty();
+bool BusDevice::finished() const noexcept {
+  return gone_ && !server_.in_use() && old_hidraws_.empty() &&
+         std::chrono::steady_clock::now() > left_at_ + kLateOpens;
 }
 
 bool BusDevice::program_is_slow() const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <list>
 #include <memory>
@@ -33,7 +34,6 @@ class BusDevice final : public FileHandler {
     std::string port = "1-1";
     unsigned bus = 1;
     unsigned address = 2;
-    int hidraw = 0;
     unsigned speed_mbps = 480;
   };
   BusDevice(Testbed& testbed, HostPort& host, Tally& tally, const BusConditions& conditions,
@@ -49,7 +49,8 @@ class BusDevice final : public FileHandler {
   /// The device has left: transfers have ended, files report it, entries go, news goes out.
   void leave();
   [[nodiscard]] bool gone() const noexcept { return gone_; }
-  [[nodiscard]] bool in_use() const noexcept;
+  /// Gone, and no program has it open or is about to.
+  [[nodiscard]] bool finished() const noexcept;
   /// Finished bulk transfers wait for a program to take them.
   [[nodiscard]] bool program_is_slow() const;
   [[nodiscard]] std::size_t under_way() const;
@@ -112,6 +113,7 @@ class BusDevice final : public FileHandler {
   std::unique_ptr<Hidraw> hidraw_;
   std::vector<std::unique_ptr<Hidraw>> old_hidraws_;  ///< Unbound, and still open in some program.
   bool gone_ = false;
+  std::chrono::steady_clock::time_point left_at_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
 };
 

@@ -2,6 +2,7 @@
 
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 
 #include <array>
@@ -117,20 +118,20 @@ CallServer::CallServer(const std::filesystem::path& socket_path, FileHandler& ha
       ::listen(listener_.number(), 16) != 0) {
     throw std::runtime_error(fmt::format("{}: {}", text, std::strerror(errno)));
   }
-}
-
-CallServer::~CallServer() {
-  stop_listening();
-  for (const auto& caller : callers_) {
-    handler_.closed(*caller);
+  struct stat made{};
+  if (::stat(text.c_str(), &made) == 0) {
+    identity_ = made.st_ino;
   }
 }
 
-void CallServer::stop_listening() {
-  if (listener_.open()) {
-    listener_.reset();
+CallServer::~CallServer() {
+  struct stat found{};
+  if (::stat(path_.c_str(), &found) == 0 && found.st_ino == identity_) {
     std::error_code ignored;
     std::filesystem::remove(path_, ignored);
+  }
+  for (const auto& caller : callers_) {
+    handler_.closed(*caller);
   }
 }
 

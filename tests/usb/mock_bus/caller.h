@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -17,6 +18,9 @@
 struct pollfd;
 
 namespace scatter::mock_bus {
+
+/// How long after a device file has gone a program that had just found it may still come.
+inline constexpr std::chrono::seconds kLateOpens{1};
 
 /// One call: ioctl(file, code, address), or read or write of `size` bytes at `address`.
 struct Call {
@@ -76,7 +80,8 @@ class FileHandler {
   virtual ~FileHandler() = default;
 };
 
-/// The socket of one device file.
+/// The socket of one device file. The library ends a program that finds the file and not the socket, so a
+/// server outlives the file by a moment.
 class CallServer {
  public:
   /// Throws std::runtime_error when the socket cannot be made.
@@ -89,11 +94,10 @@ class CallServer {
   /// Takes what has come. True when something did.
   bool serve();
   [[nodiscard]] bool in_use() const noexcept { return !callers_.empty(); }
-  /// No more opens; those that are open go on.
-  void stop_listening();
 
  private:
   std::filesystem::path path_;
+  unsigned long identity_ = 0;  ///< Of the socket's file: a later device may have put its own there.
   FileHandler& handler_;
   FileDescriptor listener_;
   std::list<std::unique_ptr<Caller>> callers_;

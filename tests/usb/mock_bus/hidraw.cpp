@@ -73,13 +73,13 @@ void Hidraw::detach() {
     return;
   }
   attached_ = false;
+  detached_at_ = std::chrono::steady_clock::now();
   if (listening_ != 0) {
     host_.cancel(std::exchange(listening_, 0));
   }
-  server_.stop_listening();
-  node_.hang_up();
   testbed_.remove(hidraw_);
   testbed_.remove(hid_);
+  node_.hang_up();
   testbed_.announce(hidraw_, "remove");
   for (auto& [caller, file] : files_) {
     if (file.reading) {

@@ -1,6 +1,7 @@
 // The kernel's hidraw driver on one interface: a device file that gives and takes reports.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -37,7 +38,10 @@ class Hidraw final : public FileHandler {
   bool serve() { return server_.serve(); }
   /// The driver was unbound or the device left: files report errors from now on.
   void detach();
-  [[nodiscard]] bool in_use() const noexcept { return server_.in_use(); }
+  /// Detached, and no program has it open or is about to.
+  [[nodiscard]] bool finished() const noexcept {
+    return !attached_ && !server_.in_use() && std::chrono::steady_clock::now() > detached_at_ + kLateOpens;
+  }
   void set_access(bool allowed) { node_.set_access(allowed); }
 
  private:
@@ -69,6 +73,7 @@ class Hidraw final : public FileHandler {
   std::map<Caller*, File> files_;
   std::uint64_t listening_ = 0;  ///< Id of the interrupt transfer; 0: none.
   bool attached_ = true;
+  std::chrono::steady_clock::time_point detached_at_;
   /// Callbacks may come after the object's end.
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
 };

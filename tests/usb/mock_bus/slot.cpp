@@ -63,7 +63,6 @@ void Slot::enumerate() {
   place.bus = static_cast<unsigned>(number_ + 1);
   place.port = fmt::format("{}-1", place.bus);
   place.address = address;
-  place.hidraw = number_;
   place.speed_mbps = speed_mbps_;
   device_ = std::make_unique<BusDevice>(testbed_, host_, tally_, conditions_, std::move(*enumerated),
                                         std::move(place));
@@ -94,7 +93,7 @@ bool Slot::serve() {
   for (const auto& left : left_) {
     did = left->serve() || did;
   }
-  std::erase_if(left_, [](const auto& left) { return !left->in_use(); });
+  std::erase_if(left_, [](const auto& left) { return left->finished(); });
   return did;
 }
 

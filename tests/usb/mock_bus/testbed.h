@@ -44,6 +44,8 @@ class Testbed {
   void set_link(const std::string& path, const std::string& name, const std::string& target);
   /// Tells every udev monitor of every program. `action`: "add", "remove", "bind".
   void announce(const SysDevice& device, std::string_view action);
+  /// N of the next /dev/hidrawN; each is used once.
+  [[nodiscard]] int next_hidraw() noexcept { return hidraws_++; }
   /// What /proc/PROCESS/fd shows, as everybody may see who uses a device.
   void show_open_file(int process, const void* file, const std::string& node);
   void hide_open_file(int process, const void* file);
@@ -56,6 +58,7 @@ class Testbed {
 
   std::filesystem::path root_;
   std::uint64_t sequence_ = 0;
+  int hidraws_ = 0;
   std::uint32_t lost_news_ = 0;
 };
 
