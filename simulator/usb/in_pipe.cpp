@@ -155,30 +155,28 @@ bool InPipe::serve(std::uint64_t now_us, bool every_packet) {
   return false;
 }
 
-std::size_t InPipe::ready_bytes(const Segment& segment, std::size_t room, bool every_packet) const {
-  const std::size_t rest = segment.size - segment.taken;
+std::size_t InPipe::sendable(const Segment& segment) const noexcept {
   if (segment.ended) {
-    return std::min(rest, room);
+    return segment.size - segment.taken;
   }
-  // Whole packets only; they may as well wait here until they fill the host's transfer.
   const std::size_t packets = (segment.size - segment.base) / endpoint_.packet_bytes * endpoint_.packet_bytes;
   const std::size_t done = segment.taken - segment.base;
-  const std::size_t whole = packets > done ? packets - done : 0;
-  const bool gather = whole < room && !every_packet && queued_ < capacity();
-  return gather ? 0 : std::min(whole, room);
+  return packets > done ? packets - done : 0;
 }
 
 bool InPipe::overflows(const Segment& segment, std::size_t room) const noexcept {
   const std::size_t end = segment.taken - segment.base + room;
-  return room > 0 && segment.size - segment.taken > room && end % endpoint_.packet_bytes != 0;
+  return room > 0 && sendable(segment) > room && end % endpoint_.packet_bytes != 0;
 }
 
 InPipe::Moved InPipe::move_some(std::uint64_t now_us, bool every_packet) {
   Segment& segment = segments_.front();
   Pending& to = pending_.front();
   const std::size_t room = to.length - to.data.size();
-  const std::size_t count = ready_bytes(segment, room, every_packet);
-  if (count == 0 && !segment.ended) {
+  const std::size_t count = std::min(sendable(segment), room);
+  // Packets of a transfer that goes on may as well wait here until they fill the host's.
+  const bool gather = !segment.ended && count < room && !every_packet && queued_ < capacity();
+  if (gather || (count == 0 && !segment.ended)) {
     return Moved::kNothing;
   }
   if (overflows(segment, room)) {
@@ -238,7 +236,10 @@ bool InPipe::completes(const Segment& segment, const Pending& to, std::size_t co
 }
 
 void InPipe::take(Segment& segment, Pending& to, std::size_t count) {
-  if (segment.ended && segment.taken == 0 && count == segment.size && to.data.empty() && count > 0) {
+  if (count == 0) {
+    return;  // A packet of no bytes; the segment's may have moved already.
+  }
+  if (segment.ended && segment.taken == 0 && count == segment.size && to.data.empty()) {
     keep_spare(std::move(to.data));
     to.data = std::move(segment.bytes);
   } else {

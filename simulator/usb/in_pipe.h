@@ -90,7 +90,8 @@ class InPipe {
   void end_segment();
   [[nodiscard]] bool serve(std::uint64_t now_us, bool every_packet = false);
   [[nodiscard]] Moved move_some(std::uint64_t now_us, bool every_packet);
-  [[nodiscard]] std::size_t ready_bytes(const Segment& segment, std::size_t room, bool every_packet) const;
+  /// Bytes in packets that are complete: full, or ended.
+  [[nodiscard]] std::size_t sendable(const Segment& segment) const noexcept;
   /// What is left of the host's transfer ends inside a packet.
   [[nodiscard]] bool overflows(const Segment& segment, std::size_t room) const noexcept;
   [[nodiscard]] bool ends_short(const Segment& segment) const noexcept;

@@ -88,6 +88,15 @@ TEST_CASE("A packet that does not fit into what is left of the host's transfer b
   CHECK(rig.expect(rest) == counting(kPacket + 7, 2 * kPacket));
 }
 
+TEST_CASE("The beginning of a packet babbles nowhere: it is not on the bus yet") {
+  SocketRig rig;
+  REQUIRE(rig.socket.write(kBulkIn, counting(kPacket + 10)) == kPacket + 10);
+  const std::uint64_t id = rig.ask(kPacket + 1);
+  CHECK(rig.quiet());
+  CHECK(rig.socket.cancel(id));
+  CHECK(rig.expect(id, UsbOutcome::kCancelled) == counting(kPacket));
+}
+
 TEST_CASE("A host that does not ask makes the device wait, and nothing is lost") {
   SocketRig rig;
   const Bytes all = counting(InPipe::kBulkCapacity + 4 * kPacket);
