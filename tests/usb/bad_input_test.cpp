@@ -195,6 +195,7 @@ TEST_CASE("usbfs without memory: said as such, with the command that raises the 
   host.allow_warnings();
   host.bus().unplug();
   host.bus().plug();
+  (void)host.open_soon();
   host.bus().set_memory_mb(1);
   Result<Device> device = host.try_open();
   if (device) {

@@ -130,9 +130,6 @@ CallServer::~CallServer() {
     std::error_code ignored;
     std::filesystem::remove(path_, ignored);
   }
-  for (const auto& caller : callers_) {
-    handler_.closed(*caller);
-  }
 }
 
 void CallServer::add_waits(std::vector<pollfd>& files) const {

@@ -86,6 +86,7 @@ class CallServer {
  public:
   /// Throws std::runtime_error when the socket cannot be made.
   CallServer(const std::filesystem::path& socket_path, FileHandler& handler);
+  /// The handler hears of no more closed files: it may be half gone itself.
   ~CallServer();
   CallServer(const CallServer&) = delete;
   CallServer& operator=(const CallServer&) = delete;

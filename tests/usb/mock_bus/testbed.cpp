@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <sys/socket.h>
 #include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -127,6 +128,8 @@ Testbed::Testbed() {
   for (const char* folder : {"sys/bus", "sys/class", "sys/dev/char", "sys/devices", "dev/.node"}) {
     fs::create_directories(root_ / folder);
   }
+  // This process holds the other ends of the device files, which is nobody's business.
+  fs::create_directories(root_ / fmt::format("proc/{}/fd", ::getpid()));
 }
 
 Testbed::~Testbed() {
