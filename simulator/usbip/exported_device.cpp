@@ -79,16 +79,18 @@ bool ExportedDevice::poll() {
   return true;
 }
 
-/// The reset that every holder's end is, and the address that Linux's virtual host keeps to itself.
+/// The reset that every holder's end is. A device may be another one after it: DFU mode ends so.
 void ExportedDevice::start_again() {
   port_.reset();
   configured_ = false;
-  port_.submit({.id = kAddressId,
-                .endpoint = 0,
-                .setup = {0x00, kSetAddress, kDeviceNumber, 0, 0, 0, 0, 0},
-                .data = {}});
+  if (!held_) {
+    record_.reset();
+  }
+  questions_ = 0;
+  ask_who();
 }
 
+/// With the address that Linux's virtual host keeps to itself.
 void ExportedDevice::ask_who() {
   ++questions_;
   device_descriptor_.clear();
@@ -116,15 +118,20 @@ void ExportedDevice::learn(UsbCompletion&& completion) {
   if (completion.id != kConfigurationId || completion.outcome == UsbOutcome::kGone) {
     return;
   }
-  record_ = read_descriptors(device_descriptor_, completion.data);
-  if (record_) {
-    record_->bus_id = kBusId;
-    record_->bus_number = kBusNumber;
-    record_->device_number = kDeviceNumber;
-    record_->speed = speed_ == UsbBusSpeed::kHigh ? Speed::kHigh : Speed::kFull;
-  } else if (questions_ < kMostQuestions) {
-    ask_who();
+  std::optional<DeviceRecord> record = read_descriptors(device_descriptor_, completion.data);
+  if (!record) {
+    if (questions_ < kMostQuestions) {
+      ask_who();
+    }
+    return;
   }
+  record->bus_id = kBusId;
+  record->bus_number = kBusNumber;
+  record->device_number = kDeviceNumber;
+  record->speed = speed_ == UsbBusSpeed::kHigh ? Speed::kHigh : Speed::kFull;
+  // The holder's system has read the descriptors before its SET_CONFIGURATION made this reset.
+  left_ = left_ || (held_ && record_ && *record != *record_);
+  record_ = std::move(record);
 }
 
 bool ExportedDevice::take_completions() {

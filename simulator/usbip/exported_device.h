@@ -51,7 +51,8 @@ class ExportedDevice {
   /// Takes the device, if nobody has it.
   [[nodiscard]] OpStatus import(std::string_view bus_id);
   [[nodiscard]] bool held() const noexcept { return held_; }
-  /// The device that was imported has left the bus (or left and joined): release it, import anew.
+  /// The device that was imported has left the bus, or left and joined, or is another one since a reset (DFU
+  /// mode ends so): release it, import anew.
   [[nodiscard]] bool left() const noexcept { return left_; }
   /// The holder is gone: the device sees a reset, replies are forgotten.
   void release();

@@ -108,6 +108,7 @@ struct DeviceRecord {
     std::uint8_t device_class = 0;
     std::uint8_t sub_class = 0;
     std::uint8_t protocol = 0;
+    bool operator==(const Interface&) const = default;
   };
   std::string bus_id;  ///< "1-1".
   std::uint32_t bus_number = 0;
@@ -121,6 +122,7 @@ struct DeviceRecord {
   std::uint8_t configurations = 0;
   std::vector<Interface> interfaces;  ///< Alternate setting 0 of each.
 
+  bool operator==(const DeviceRecord&) const = default;
   /// What SubmitUrb::device is of it.
   [[nodiscard]] std::uint32_t id() const noexcept { return bus_number << 16U | device_number; }
 };

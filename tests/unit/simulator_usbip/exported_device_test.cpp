@@ -245,11 +245,27 @@ TEST_CASE("A second SET_CONFIGURATION is the end of a bus reset") {
   held.control(3, kSetConfiguration);
   CHECK(held.port.resets == 1);
   // The address, which the host gives again and its bus keeps to itself, comes before.
-  REQUIRE(held.port.transfers.size() == 2);
-  CHECK(held.port.transfers[0].setup[1] == 5);
-  CHECK(held.port.transfers[1].setup == kSetConfiguration);
+  REQUIRE(held.port.transfers.size() == 4);
+  CHECK(held.port.transfers.front().setup[1] == 5);
+  CHECK(held.port.transfers.back().setup == kSetConfiguration);
   held.port.enumerate();
   CHECK(held.said() == std::vector<Said>{{kRetSubmit, 2, -ESHUTDOWN, 0, 0}, {kRetSubmit, 3, 0, 0, 0}});
+}
+
+TEST_CASE("A device that is another one after the reset is lost to its holder") {
+  Held held;
+  constexpr std::array<std::uint8_t, 8> kSetConfiguration{0, 9, 1, 0, 0, 0, 0, 0};
+  held.control(1, kSetConfiguration);
+  held.settle();
+  held.port.device_descriptor[10] = std::byte{0x0E};
+  held.control(2, kSetConfiguration);
+  held.settle();
+  CHECK(held.device.left());
+  held.device.release();
+  CHECK(held.device.record() == nullptr);  // And may be another one still after the holder's end.
+  held.settle();
+  REQUIRE(held.device.record() != nullptr);
+  CHECK(held.device.record()->product == 0x000E);
 }
 
 TEST_CASE("A device that leaves the bus is lost to its holder, and there for the next when it is back") {

@@ -250,6 +250,15 @@ TEST_CASE("DETACH makes the device leave the bus, which ends the connection, and
   const auto device = again.control({0x80, 6, 0, 1, 0, 0, 18, 0});
   REQUIRE(device.has_value());
   CHECK(device->data[10] == std::byte{0x0E});
+  // A host that asks and sends nothing: the next bus reset brings it back to its firmware: another device for
+  // the host.
+  REQUIRE(again.control(kSetConfiguration)->status == 0);
+  REQUIRE(again.control({0xA1, 3, 0, 0, usb::kDfuModeInterface, 0, 6, 0})->data.size() == 6);  // GETSTATUS
+  (void)again.control(kSetConfiguration);
+  CHECK_FALSE(again.next().has_value());
+  CHECK(again.ended());
+  UsbIpClient last = served.import();
+  CHECK(last.control({0x80, 6, 0, 1, 0, 0, 18, 0})->data[10] == std::byte{0x0D});
 }
 
 TEST_CASE("A fault that pulls the cable ends the connection, and the next host finds the instrument") {
