@@ -50,7 +50,7 @@ bool backed(std::byte* memory, std::size_t size) {
 BulkLink::BulkLink(std::shared_ptr<EventLoop> loop, BusEntry entry, int transfers)
     : loop_(std::move(loop)),
       entry_(std::move(entry)),
-      in_(static_cast<std::size_t>(std::clamp(transfers, 16, 64))) {}
+      in_(static_cast<std::size_t>(std::clamp(transfers, 16, 64)) + 1) {}
 
 BulkLink::~BulkLink() {
   shut_down();
@@ -465,9 +465,9 @@ void BulkLink::shut_down() noexcept {
     const std::lock_guard wait_for_control(control_mutex_);
   }
   if (claimed_) {
-    // The kernel selects setting 0 again by itself. Asking libusb for it would be wrong for a device that has left:
-    // up to 1.0.26 libusb_set_interface_alt_setting() then unlocks a mutex that it never locked, and libusb_close()
-    // ends the program over it.
+    // The kernel selects setting 0 again by itself. Asking libusb for it would be wrong for a device that has
+    // left: up to 1.0.26 libusb_set_interface_alt_setting() then unlocks a mutex that it never locked, and
+    // libusb_close() ends the program over it.
     (void)::libusb_release_interface(handle_, kStreamInterface);
   }
   for (Slot& slot : in_) {

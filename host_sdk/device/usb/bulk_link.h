@@ -104,7 +104,7 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   std::atomic<bool> closed_ = false;
 
   // Of the thread that uses the link.
-  std::vector<Slot> in_;
+  std::vector<Slot> in_;  ///< One more than asked for: one is lent while the others are under way.
   Slot out_;
   std::vector<Slot*> idle_;
   Slot* lent_ = nullptr;

@@ -1,5 +1,7 @@
 #include "host_sdk/device/usb/bus_scan.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -53,6 +55,14 @@ void read_interfaces(const fs::path& devices, const std::string& port, BusEntry&
   entry.in_use = entry.stream_driver == "usbfs";
 }
 
+/// The same file, whatever it is called where it was opened.
+bool same_file(const fs::path& a, const fs::path& b) {
+  struct stat first{};
+  struct stat second{};
+  return ::stat(a.c_str(), &first) == 0 && ::stat(b.c_str(), &second) == 0 && first.st_dev == second.st_dev &&
+         first.st_ino == second.st_ino;
+}
+
 }  // namespace
 
 fs::path BusEntry::node() const {
@@ -71,7 +81,11 @@ std::vector<Holder> find_holders(const fs::path& node, const SystemRoot& root) {
     }
     const fs::path files = processes / name / "fd";
     const std::vector<std::string> open = names_in(files);
-    if (std::ranges::any_of(open, [&](const std::string& one) { return link_target(files / one) == node; })) {
+    const auto is_node = [&](const std::string& one) {
+      const std::string target = link_target(files / one);
+      return target == node || (target.starts_with("/dev/") && same_file(files / one, node));
+    };
+    if (std::ranges::any_of(open, is_node)) {
       out.push_back(
           {.process_id = static_cast<int>(*process), .program = attribute(processes / name / "comm")});
     }

@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 /// A device that has just come is in the system's tables before libusb knows it and udev has opened its node.
-constexpr auto kSettlesWithin = 1000ms;
+constexpr auto kSettlesWithin = 500ms;
 constexpr auto kBetweenTries = 20ms;
 
 bool fresh(const BusEntry& entry) {

@@ -33,10 +33,12 @@ std::string described(const Selector& wanted) {
 }
 
 std::unexpected<Error> unusable(const BusEntry& entry) {
+  const std::string device =
+      (entry.product.empty() ? std::string("the device") : "the device '" + entry.product + "'") +
+      " at USB port " + entry.port;
   if (!entry.readable) {
     return fail(ErrorCode::kFailedPrecondition,
-                "the device at USB port " + entry.port +
-                    " has an instrument's numbers, but its descriptors cannot be read",
+                device + " has an instrument's numbers, but its descriptors cannot be read",
                 "unplug it and plug it in again, without a hub and with another cable");
   }
   if (entry.dfu_mode) {
@@ -44,8 +46,7 @@ std::unexpected<Error> unusable(const BusEntry& entry) {
                 "send it a release: dfu-util -D IMAGE.dfu; or unplug it and plug it in again");
   }
   return fail(ErrorCode::kFailedPrecondition,
-              "the device at USB port " + entry.port +
-                  " has an instrument's numbers but not its interfaces: it is something else",
+              device + " has an instrument's numbers but not its interfaces: it is something else",
               "unplug it, or name your instrument by its serial number");
 }
 
