@@ -84,13 +84,13 @@ def make_archive(options, modules):
     archive.put("etc/nsswitch.conf", b"passwd: files\ngroup: files\nhosts: files\n")
     archive.put("etc/hosts", b"127.0.0.1 localhost\n")
     for tool in TOOLS:
-        archive.program(tool, "bin/" + os.path.basename(tool))
-    archive.link("bin/systemd-udevd", "udevadm")
+        archive.program(tool, "usr/bin/" + os.path.basename(tool))
+    archive.link("usr/bin/systemd-udevd", "udevadm")
     for name in UDEV_RULES:
         archive.copy(f"/usr/lib/udev/rules.d/{name}", f"usr/lib/udev/rules.d/{name}")
     archive.folder("etc/udev/rules.d")
     # The commands that programs print for users begin with it.
-    archive.put("bin/sudo", b'#!/bin/sh\nexec "$@"\n', 0o755)
+    archive.put("usr/bin/sudo", b'#!/bin/sh\nexec "$@"\n', 0o755)
     # hidapi's libusb backend converts strings by iconv.
     for name in ("gconv-modules", "UTF-16.so"):
         archive.copy(os.path.join(GCONV, name), f"{GCONV}/{name}")
@@ -119,6 +119,25 @@ def boot(vmlinux, archive_path, shared, accelerator, words):
         "-virtfs", f"local,path={shared},mount_tag=out,security_model=none",
     ]  # fmt: skip
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+
+def compare_measurement(options, shared):
+    """Problem, or None: the frames that came over USB against those of an instrument in one process with its host."""
+    there = os.path.join(shared, "usb_measurement.scat")
+    if not os.path.exists(there):
+        return None
+    folder = os.path.join(options.work, "in_process")
+    shutil.rmtree(folder, ignore_errors=True)
+    programs = os.path.join(options.build, "bin")
+    uri = "sim:?seed=3&profile=binned&sample=ggx:alpha=0.2,f0=0.04,albedo=0.3"
+    # A home of its own: no calibration of this computer's is used or added to.
+    environment = {**os.environ, "HOME": os.path.join(options.work, "home"), "XDG_DATA_HOME": ""}
+    subprocess.run([os.path.join(programs, "scatter"), "measure", uri, "--budget", "600", "-o", folder],
+                   check=True, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+    here = os.path.join(folder, "recording.scat")
+    compared = subprocess.run([os.path.join(programs, "vm_compare"), here, there], stdout=subprocess.PIPE, text=True)
+    print(f"USB against in-process: {compared.stdout.strip()}")
+    return None if compared.returncode == 0 else f"the device frames of a measurement: {compared.stdout.strip()}"
 
 
 def main():
@@ -162,6 +181,9 @@ def main():
         finally:
             machine.kill()
             machine.wait()
+    difference = compare_measurement(options, shared)
+    if difference:
+        verdict.broken.append(difference)
     seconds = time.monotonic() - begin
     print(f"{verdict.kept} promises kept, {len(verdict.broken)} broken, in {seconds:.0f} s; all of it is in {console}")
     for entry in verdict.broken:
