@@ -40,6 +40,27 @@ TEST_CASE("Nobody is attached before setting 1 is chosen, and bytes for nobody a
   CHECK(board.bus.in(0x81).empty());
 }
 
+// PROVES: SPEC 11.4
+TEST_CASE("Frames that wait for a slow host still come one in each transfer") {
+  UsbBoard board;
+  UsbHost usb(board);
+  usb.attach();
+  usb.host.hello();
+  usb.host.start(usb.host.configure(fixed_recipe()));
+  usb.reading = false;
+  board.pass(200'000);
+  const std::size_t before = usb.transfers().size();
+  const std::size_t waiting = board.bus.waiting(0x81);
+  usb.reading = true;
+  REQUIRE(usb.host.run(60'000'000, [&] { return !usb.host.all<scatter::protocol::RunFinished>().empty(); }));
+  REQUIRE(usb.transfers().size() > before + 2);
+  for (const Bytes& transfer : usb.transfers()) {
+    CHECK(u32(transfer, 8) + scatter::protocol::kFrameOverhead == transfer.size());
+  }
+  // More than one frame had gathered.
+  CHECK(waiting > usb.transfers()[before].size());
+}
+
 // PROVES: SPEC 11.2
 TEST_CASE("The device ends run and session when the host's program is gone and setting 0 comes back") {
   UsbBoard board;
