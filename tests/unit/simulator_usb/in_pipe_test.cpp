@@ -38,6 +38,15 @@ TEST_CASE("A host's transfer that is full leaves the packet of no bytes to the n
   CHECK(rig.expect(third) == counting(9));
 }
 
+TEST_CASE("The same holds when the device was first") {
+  SocketRig rig;
+  rig.send(counting(2 * kPacket));
+  rig.send(counting(9));
+  CHECK(rig.expect(rig.ask(2 * kPacket)) == counting(2 * kPacket));
+  CHECK(rig.expect(rig.ask(2 * kPacket)).empty());
+  CHECK(rig.expect(rig.ask(2 * kPacket)) == counting(9));
+}
+
 TEST_CASE("Bytes that begin a packet wait on the device until the packet is full or ended") {
   SocketRig rig;
   const std::uint64_t id = rig.ask(2 * kPacket);
@@ -216,18 +225,20 @@ TEST_CASE("The host's memory comes back filled where a whole transfer fits: no s
 // --- faults
 
 TEST_CASE("usb_short: transfers end early and nothing is lost, even when every one does") {
-  for (const std::string_view faults : {"usb_short:0.3", "usb_short:1"}) {
-    INFO(faults);
+  for (const auto& [faults, length] :
+       {std::pair{"usb_short:0.3", 16 * kPacket}, std::pair{"usb_short:1", 16 * kPacket},
+        std::pair{"usb_short:0.3", kPacket}}) {
+    CAPTURE(faults, length);
     SocketRig rig(faults);
     Bytes all;
     Bytes got;
     for (int i = 0; i < 20; ++i) {
-      const Bytes some = counting(700, all.size());
+      const Bytes some = counting(i % 2 == 0 ? 700 : 3 * kPacket, all.size());
       all.insert(all.end(), some.begin(), some.end());
       rig.send(some);
     }
     for (int i = 0; i < 20'000 && rig.socket.waiting(kBulkIn) > 0; ++i) {
-      const Bytes some = rig.expect(rig.ask(16 * kPacket));
+      const Bytes some = rig.expect(rig.ask(length));
       got.insert(got.end(), some.begin(), some.end());
     }
     CHECK(got == all);

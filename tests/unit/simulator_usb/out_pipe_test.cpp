@@ -69,6 +69,15 @@ TEST_CASE("A cancelled transfer says how much of it the device has") {
   CHECK(rig.device_takes(2 * OutPipe::kBulkCapacity).size() == OutPipe::kBulkCapacity);
 }
 
+TEST_CASE("The device takes whole packets or none") {
+  SocketRig rig;
+  rig.expect(rig.give(counting(OutPipe::kBulkCapacity - kPacket - 100)));
+  const std::uint64_t id = rig.give(counting(2000));
+  CHECK(rig.socket.cancel(id));
+  rig.expect(id, UsbOutcome::kCancelled);
+  CHECK(rig.last_actual == kPacket);
+}
+
 TEST_CASE("A report is taken as one, and only a few wait") {
   SocketRig rig;
   for (std::size_t i = 0; i < OutPipe::kReportsWaiting; ++i) {
