@@ -22,7 +22,9 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 /// A device that has just come is in the system's tables before libusb knows it and udev has opened its node.
-constexpr auto kSettlesWithin = 500ms;
+constexpr auto kArrivesWithin = 500ms;
+/// One that is just leaving may be in them in part.
+constexpr auto kLeavesWithin = 60ms;
 constexpr auto kBetweenTries = 20ms;
 
 bool fresh(const BusEntry& entry) {
@@ -32,6 +34,21 @@ bool fresh(const BusEntry& entry) {
   }
   const auto changed = std::chrono::system_clock::from_time_t(node.st_ctim.tv_sec);
   return std::chrono::system_clock::now() - changed < 2s;
+}
+
+/// How long after the first try an error may be one of the moment.
+Clock::duration settling_time(ErrorCode code, const Result<BusEntry>& entry) {
+  switch (code) {
+    case ErrorCode::kDisconnected:
+      return kArrivesWithin;
+    case ErrorCode::kPermissionDenied:
+      return entry && fresh(*entry) ? Clock::duration(kArrivesWithin) : Clock::duration();
+    case ErrorCode::kUnavailable:
+    case ErrorCode::kFailedPrecondition:
+      return kLeavesWithin;
+    default:
+      return {};
+  }
 }
 
 }  // namespace
@@ -83,11 +100,9 @@ Result<std::unique_ptr<Transport>> Context::State::open(const Uri& uri, const Wa
       return fail(ErrorCode::kAborted, uri.text() + ": opening was stopped", "start again when ready");
     }
     const Result<BusEntry> entry = select(scan_bus(), *wanted);
-    if (!entry) {
-      return std::unexpected(entry.error());
-    }
     Result<std::shared_ptr<BulkLink>> link =
-        BulkLink::open(loop, *entry, options.transfers, deadline, wait.stop);
+        entry ? BulkLink::open(loop, *entry, options.transfers, deadline, wait.stop)
+              : Result<std::shared_ptr<BulkLink>>(std::unexpected(entry.error()));
     if (link) {
       const std::lock_guard lock(mutex);
       if (ended) {
@@ -97,11 +112,7 @@ Result<std::unique_ptr<Transport>> Context::State::open(const Uri& uri, const Wa
       links.push_back(*link);
       return std::make_unique<UsbTransport>(std::move(*link));
     }
-    const ErrorCode code = link.error().code;
-    const auto now = Clock::now();
-    const bool settling =
-        code == ErrorCode::kDisconnected || (code == ErrorCode::kPermissionDenied && fresh(*entry));
-    if (!settling || now >= std::min(deadline, begin + kSettlesWithin)) {
+    if (Clock::now() >= std::min(deadline, begin + settling_time(link.error().code, entry))) {
       return std::unexpected(std::move(link.error()));
     }
     std::this_thread::sleep_for(kBetweenTries);
