@@ -1,6 +1,5 @@
 #include "host_sdk/device/usb/availability.h"
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <array>
@@ -13,7 +12,7 @@ std::filesystem::path under(const SystemRoot& root, const std::filesystem::path&
 }
 
 bool may_read_and_write(const std::filesystem::path& path) {
-  return faccessat(AT_FDCWD, path.c_str(), R_OK | W_OK, AT_EACCESS) == 0;
+  return access(path.c_str(), R_OK | W_OK) == 0;
 }
 
 Availability availability(const BusEntry& entry, const SystemRoot& root, const MayUse& may_use) {
@@ -60,8 +59,8 @@ std::string holder_words(const BusEntry& entry) {
 
 std::string release_words(std::uint16_t release_bcd) {
   std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "%x.%x", static_cast<unsigned>(release_bcd >> 8U),
-                static_cast<unsigned>(release_bcd & 0xFFU));
+  std::snprintf(text.data(), text.size(), "%x.%x.%x", static_cast<unsigned>(release_bcd >> 8U),
+                static_cast<unsigned>(release_bcd >> 4U & 0xFU), static_cast<unsigned>(release_bcd & 0xFU));
   return text.data();
 }
 

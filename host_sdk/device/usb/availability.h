@@ -29,14 +29,14 @@ using MayUse = std::function<bool(const std::filesystem::path&)>;
 [[nodiscard]] std::string uri_of(const BusEntry& entry);
 /// "scatter (1234)", several with commas; "another program" when the system does not say who.
 [[nodiscard]] std::string holder_words(const BusEntry& entry);
-/// bcdDevice 0x0102 as "1.2".
+/// bcdDevice 0x0123 as "1.2.3".
 [[nodiscard]] std::string release_words(std::uint16_t release_bcd);
 /// Below 480 Mb/s frames come slower than the sensor takes them.
 [[nodiscard]] bool slow_bus(const BusEntry& entry) noexcept;
 
 /// Path under another root.
 [[nodiscard]] std::filesystem::path under(const SystemRoot& root, const std::filesystem::path& path);
-/// Asks the system for this process's effective user.
+/// Asks the system for this process's user.
 [[nodiscard]] bool may_read_and_write(const std::filesystem::path& path);
 
 }  // namespace scatter::device::usb

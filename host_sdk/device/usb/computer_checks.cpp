@@ -168,7 +168,10 @@ std::string amount(std::uint64_t bytes) {
 
 void check_disk(const DiagnosisOptions& options, std::vector<Finding>& out) {
   std::error_code error;
-  fs::path folder = fs::absolute(options.output_folder, error);
+  fs::path folder = fs::absolute(options.output_folder, error).lexically_normal();
+  if (!folder.has_filename() && folder.has_relative_path()) {
+    folder = folder.parent_path();  // "here/." and "here/" are "here".
+  }
   Finding finding{.check = "disk", .subject = folder.string()};
   while (!is_there(folder) && folder.has_parent_path() && folder != folder.parent_path()) {
     folder = folder.parent_path();  // It will be made.

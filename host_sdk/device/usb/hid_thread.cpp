@@ -177,9 +177,9 @@ void HidThread::close(const std::shared_ptr<HidPort>& port) noexcept {
       std::chrono::steady_clock::now() + kLongestClose, {});
 }
 
-Waited HidThread::send(const std::shared_ptr<HidPort>& port, const protocol::Report& report, Sent& sent,
+Waited HidThread::send(const std::shared_ptr<HidPort>& port, const protocol::Report& report, bool& taken,
                        SteadyTime deadline, const std::stop_token& stop) {
-  const auto outcome = std::make_shared<Sent>();
+  const auto outcome = std::make_shared<bool>(false);
   const Waited waited = run_and_wait(
       [this, port, report, outcome] {
         // The system keeps a limited number of reports for each reader and then drops the newest: the
@@ -190,9 +190,8 @@ Waited HidThread::send(const std::shared_ptr<HidPort>& port, const protocol::Rep
         }
         std::array<unsigned char, protocol::kReportBytes + 1> bytes{};  // First: report id 0, there are none.
         std::memcpy(bytes.data() + 1, report.data(), report.size());
-        outcome->statuses_before = port->statuses;
-        outcome->taken = hid_write(port->handle, bytes.data(), bytes.size()) > 0;
-        if (!outcome->taken) {
+        *outcome = hid_write(port->handle, bytes.data(), bytes.size()) > 0;
+        if (!*outcome) {
           read_reports(*port, milliseconds(0));  // Tells a deaf instrument from one that is gone.
         }
       },
@@ -201,7 +200,7 @@ Waited HidThread::send(const std::shared_ptr<HidPort>& port, const protocol::Rep
     return waited;
   }
   const std::lock_guard lock(mutex_);
-  sent = *outcome;
+  taken = *outcome;
   return port->gone ? Waited::kGone : Waited::kDone;
 }
 
@@ -282,7 +281,7 @@ void HidThread::keep(HidPort& port, const protocol::Report& report) {
       ++port.statuses;
     }
     if (answer) {
-      port.answers.push_back(*answer);
+      port.answers.push_back({.answer = *answer, .statuses = port.statuses});
       if (port.answers.size() > kMostAnswers) {
         port.answers.pop_front();
       }

@@ -26,6 +26,12 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 /// How a wait ended.
 enum class Waited { kDone, kDeadline, kStopped, kGone };
 
+/// An answer, and what had come before it.
+struct HeardAnswer {
+  protocol::RescueAnswer answer;
+  std::uint64_t statuses = 0;  ///< HidPort::statuses then: SPEC 12.3 sends the status asked for behind it.
+};
+
 /// A HID interface in use. Fields belong to the thread's lock, `handle` to the thread itself.
 struct HidPort {
   hid_device_* handle = nullptr;
@@ -34,8 +40,8 @@ struct HidPort {
   bool gone = false;       ///< Unplugged.
   int listeners = 0;       ///< Calls that wait for input reports.
   std::optional<protocol::RescueStatus> newest;
-  std::uint64_t statuses = 0;                  ///< Status reports received.
-  std::deque<protocol::RescueAnswer> answers;  ///< The last ones, oldest first.
+  std::uint64_t statuses = 0;       ///< Status reports received.
+  std::deque<HeardAnswer> answers;  ///< The last ones, oldest first.
 };
 
 /// hidapi is not thread-safe, so every call to it is made here. The thread sleeps while nobody waits for
@@ -62,12 +68,8 @@ class HidThread {
   /// Waits until it is closed, 200 ms at most.
   void close(const std::shared_ptr<HidPort>& port) noexcept;
 
-  struct Sent {
-    bool taken = false;
-    std::uint64_t statuses_before = 0;  ///< HidPort::statuses when it went out: what comes after is newer.
-  };
-  /// Reads what lay there, then sends. Not taken with kDone: the instrument is deaf.
-  [[nodiscard]] Waited send(const std::shared_ptr<HidPort>& port, const protocol::Report& report, Sent& sent,
+  /// Reads what lay there, then sends. `taken` false with kDone: the instrument is deaf.
+  [[nodiscard]] Waited send(const std::shared_ptr<HidPort>& port, const protocol::Report& report, bool& taken,
                             SteadyTime deadline, const std::stop_token& stop);
   /// The feature report, over the control pipe. Empty with kDone: refused.
   [[nodiscard]] Waited feature(const std::shared_ptr<HidPort>& port, std::optional<protocol::Report>& report,

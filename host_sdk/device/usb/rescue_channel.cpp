@@ -45,6 +45,14 @@ const char* name_of(RescueCommand command) {
   return "request";
 }
 
+const HeardAnswer* find_answer(const HidPort& port, RescueCommand command, std::uint8_t tag,
+                               std::uint16_t offset) {
+  const auto it = std::ranges::find_if(port.answers, [&](const HeardAnswer& each) {
+    return each.answer.tag == tag && each.answer.command == command && each.answer.offset == offset;
+  });
+  return it == port.answers.end() ? nullptr : &*it;
+}
+
 Error answer_error(std::string_view who, RescueCommand command, protocol::StatusCode status) {
   const protocol::StatusInfo& row = protocol::info(status);
   const bool known = row.code == status;
@@ -136,19 +144,16 @@ Result<RescueAnswer> RescueChannel::State::ask(RescueCommand command, std::uint1
   protocol::encode(protocol::RescueRequest{.command = command, .tag = tag, .offset = offset}, report);
   RescueAnswer answer;
   const auto arrived = [&](const HidPort& seen) {
-    const auto it = std::ranges::find_if(seen.answers, [&](const RescueAnswer& each) {
-      return each.tag == tag && each.command == command && each.offset == offset;
-    });
-    if (it == seen.answers.end()) {
-      return false;
+    const HeardAnswer* const heard = find_answer(seen, command, tag, offset);
+    if (heard != nullptr) {
+      answer = heard->answer;
     }
-    answer = *it;
-    return true;
+    return heard != nullptr;
   };
   while (true) {
-    HidThread::Sent sent;
+    bool sent = false;
     Waited waited = thread->send(port, report, sent, deadline, stop);
-    if (waited == Waited::kDone && !sent.taken) {
+    if (waited == Waited::kDone && !sent) {
       return fail(ErrorCode::kUnavailable, who + " does not take reports on its HID interface",
                   "unplug it and plug it in again");
     }
@@ -189,18 +194,21 @@ Result<protocol::RescueStatus> RescueChannel::State::feature_status(SteadyTime d
 
 Result<protocol::RescueStatus> RescueChannel::State::status(SteadyTime deadline,
                                                             const std::stop_token& stop) {
+  const std::uint8_t tag = next_tag++;
   protocol::Report request{};
-  protocol::encode(protocol::RescueRequest{.command = RescueCommand::kStatus, .tag = next_tag++, .offset = 0},
+  protocol::encode(protocol::RescueRequest{.command = RescueCommand::kStatus, .tag = tag, .offset = 0},
                    request);
-  HidThread::Sent sent;
+  bool sent = false;
   Waited waited = thread->send(port, request, sent, deadline, stop);
-  if (waited == Waited::kDone && sent.taken) {
+  if (waited == Waited::kDone && sent) {
     protocol::RescueStatus status;
     const SteadyTime until = std::chrono::steady_clock::now() + kPatience;
     waited = thread->listen(
         port,
         [&](const HidPort& seen) {
-          if (seen.statuses <= sent.statuses_before) {
+          // One that comes before the answer may have waited in the instrument since before the request.
+          const HeardAnswer* const heard = find_answer(seen, RescueCommand::kStatus, tag, 0);
+          if (heard == nullptr || seen.statuses <= heard->statuses) {
             return false;
           }
           status = *seen.newest;

@@ -45,7 +45,7 @@ Result<BusEntry> choose_rescue_target(std::string_view serial, std::string_view 
                             : !port.empty() ? "instrument at USB port " + std::string(port)
                                             : std::string("instrument");
     return fail(ErrorCode::kNotFound,
-                "no " + who + " is plugged in; there are: " + (there.empty() ? "none" : there),
+                "no " + who + " is plugged in" + (there.empty() ? "" : "; there are: " + there),
                 there.empty() ? "plug it in and switch it on; scatter doctor looks for the cause"
                               : "name one of those; scatter list shows them");
   }

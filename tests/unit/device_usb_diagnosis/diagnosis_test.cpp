@@ -22,7 +22,7 @@ constexpr std::uint64_t kGigabyte = 1ULL << 30U;
 
 DiagnosisOptions options_for(const MadeUpSystem& system) {
   DiagnosisOptions options;
-  options.root = system.root();
+  options.root.path = system.path();
   options.may_use = [](const std::filesystem::path&) { return true; };
   options.free_disk_bytes = 100 * kGigabyte;
   options.as_root = false;
@@ -336,7 +336,7 @@ TEST_CASE("A free instrument is asked for its firmware and protocol") {
   const auto direct = device::Device::open("sim:", opening);
   REQUIRE(direct);
   CHECK(the(findings, "firmware").found.starts_with(direct->hello().build_id.str()));
-  CHECK(the(findings, "firmware").found.find("1.2") != std::string::npos);
+  CHECK(the(findings, "firmware").found.find("1.2.3") != std::string::npos);
   CHECK(the(findings, "protocol").found == "wire 1, schema 2 (this program: 1, 2)");
 }
 

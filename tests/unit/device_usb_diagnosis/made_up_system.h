@@ -6,8 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "host_sdk/device/usb/bus_scan.h"
-
 struct MadeUpDevice {
   std::string port = "1-1.4";
   int bus = 1;
@@ -15,7 +13,7 @@ struct MadeUpDevice {
   std::string product_id = "000d";
   std::string product = "HS-1";
   std::string serial = "SC42";
-  std::string release = "0102";
+  std::string release = "0123";
   std::string speed = "480";
   std::string stream_class = "ff";     ///< Of interface 0.
   std::string stream_subclass = "05";  ///< Of interface 0.
@@ -39,7 +37,6 @@ class MadeUpSystem {
   void remove(const std::filesystem::path& path);
   void link(const std::filesystem::path& target, const std::filesystem::path& name);
   [[nodiscard]] const std::filesystem::path& path() const { return folder_; }
-  [[nodiscard]] scatter::device::usb::SystemRoot root() const { return {.path = folder_}; }
 
  private:
   std::filesystem::path folder_;
