@@ -196,7 +196,7 @@ TEST_CASE("usbfs without memory: said as such, with the command that raises the 
   host.bus().unplug();
   host.bus().plug();
   (void)host.open_soon();
-  host.bus().set_memory_mb(1);
+  host.bus().set_memory(100'000);
   Result<Device> device = host.try_open();
   if (device) {
     // Fewer transfers do as well: then frames come.
@@ -206,7 +206,7 @@ TEST_CASE("usbfs without memory: said as such, with the command that raises the 
     CHECK(says(device.error(), "usbfs_memory_mb"));
   }
   CHECK(host.bus().statistics()["refused_memory"] > 0);
-  host.bus().set_memory_mb(16);
+  host.bus().set_memory(16'000'000);
 }
 
 TEST_CASE("An instrument on a 12 Mb/s bus works and says that it is slow") {

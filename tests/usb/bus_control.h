@@ -54,8 +54,8 @@ class BusControl {
   void hold_interface(int interface, bool held) {
     ask("hold 0 " + std::to_string(interface) + (held ? " 1" : " 0"));
   }
-  /// usbfs_memory_mb.
-  void set_memory_mb(int megabytes) { ask("memory " + std::to_string(megabytes)); }
+  /// The limit of usbfs for transfers under way; usbfs_memory_mb shows it rounded up.
+  void set_memory(int bytes) { ask("memory " + std::to_string(bytes)); }
   /// Descriptors of devices to come are cut to so many bytes; -1: whole again.
   void cut_descriptors(int bytes) { ask("garble " + std::to_string(bytes)); }
   /// Behind the device descriptor come random bytes, for devices to come; 0: the true ones again.

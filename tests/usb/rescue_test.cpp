@@ -1,5 +1,5 @@
-// The rescue channel over real hidapi, while frames stream and while nothing else gets through. Built once for each
-// backend: hidraw and libusb.
+// The rescue channel over real hidapi, while frames stream and while nothing else gets through. Built once
+// for each backend: hidraw and libusb.
 #include "host_sdk/device/usb/rescue_channel.h"
 
 #include <sys/resource.h>
@@ -168,7 +168,8 @@ TEST_CASE("A stop request ends a wait within 20 ms") {
     asked = Clock::now();
     source.request_stop();
   });
-  const auto pressed = channel.wait_for_button({.timeout = std::chrono::seconds(4), .stop = source.get_token()});
+  const auto pressed =
+      channel.wait_for_button({.timeout = std::chrono::seconds(4), .stop = source.get_token()});
   const Clock::time_point ended = Clock::now();
   other.join();
   REQUIRE_FALSE(pressed.has_value());

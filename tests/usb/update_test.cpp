@@ -122,8 +122,9 @@ TEST_CASE("dfu-util lists the instrument, takes it to DFU mode, sends a release,
   CHECK(listed.find("serial=\"SIM-00000001\"") != std::string::npos);
   std::string sent;
   // 251: with -R it says that the device it has just restarted is not there any more.
-  const int status = Child({"dfu-util", "-d", "1209:000d,1209:000e", "-t", "4096", "-E", "1", "-R", "-D", file.path()}, true)
-                         .wait(sent);
+  const int status =
+      Child({"dfu-util", "-d", "1209:000d,1209:000e", "-t", "4096", "-E", "1", "-R", "-D", file.path()}, true)
+          .wait(sent);
   INFO(sent);
   CHECK((status == 0 || status == 251));
   CHECK(sent.find("Download done.") != std::string::npos);
@@ -147,19 +148,20 @@ TEST_CASE("dfu-util is refused a file that nobody signed, and the instrument run
   firmware_files::Package package = release("4.0.0");
   DfuFile file(package);
   {
-    // One bit of the body.
+    // One bit of each linking's body: which one the instrument takes is its own choice.
     std::fstream bytes(file.path(), std::ios::in | std::ios::out | std::ios::binary);
-    bytes.seekg(30'000);
-    const int byte = bytes.get();
-    bytes.seekp(30'000);
-    bytes.put(static_cast<char>(byte ^ 1));
+    for (const int at : {30'000, 80'000}) {
+      bytes.seekg(at);
+      const int byte = bytes.get();
+      bytes.seekp(at);
+      bytes.put(static_cast<char>(byte ^ 1));
+    }
   }
   std::string said;
-  // The suffix's checksum does not fit any more; -s makes dfu-util send it all the same.
-  const int status =
-      Child({"dfu-util", "-d", "1209:000d,1209:000e", "-E", "1", "-D", file.path()}, true).wait(said);
+  // The suffix's checksum does not fit any more; dfu-util warns and sends it all the same.
+  (void)Child({"dfu-util", "-d", "1209:000d,1209:000e", "-E", "1", "-D", file.path()}, true).wait(said);
   INFO(said);
-  CHECK(status != 0);
+  CHECK(said.find("failed verification") != std::string::npos);
   host.bus().unplug();
   host.bus().plug();
   CHECK(host.open_soon().hello().build_id.str() != "openscatter 4.0.0");

@@ -174,7 +174,6 @@ const Enumerated::Interface* BusDevice::interface_of(std::uint8_t endpoint) cons
 void BusDevice::opened(Caller& caller) {
   ++tally_.opened;
   files_.emplace_back().caller = &caller;
-  testbed_.show_open_file(caller.process(), &caller, entry_.node);
 }
 
 void BusDevice::closed(Caller& caller) {
@@ -183,7 +182,6 @@ void BusDevice::closed(Caller& caller) {
   if (file == files_.end()) {
     return;
   }
-  testbed_.hide_open_file(caller.process(), &caller);
   tally_.abandoned += file->under_way.size();
   for (const auto& [id, urb] : file->under_way) {
     host_.cancel(id);

@@ -19,12 +19,13 @@ MockBus::MockBus()
     : default_server_(testbed_.root() / "ioctl/_default", other_files_),
       control_((testbed_.root() / "control").string(),
                [this](const std::string& line) { return request(line); }) {
-  set_memory_limit(16);
+  set_memory_limit(16'000'000);
 }
 
-void MockBus::set_memory_limit(std::uint64_t megabytes) {
-  conditions_.memory_limit = megabytes * 1'000'000;
-  testbed_.set_attribute("/module/usbcore/parameters", "usbfs_memory_mb", fmt::format("{}\n", megabytes));
+void MockBus::set_memory_limit(std::uint64_t bytes) {
+  conditions_.memory_limit = bytes;
+  testbed_.set_attribute("/module/usbcore/parameters", "usbfs_memory_mb",
+                         fmt::format("{}\n", (bytes + 999'999) / 1'000'000));
 }
 
 void MockBus::add_root_hub(int number) {
@@ -127,7 +128,7 @@ std::string MockBus::request(const std::string& line) {
       Slot& where = slot();
       where.set_hung(number(1) != 0);
     } else if (verb == "memory") {
-      set_memory_limit(static_cast<std::uint64_t>(number(16)));
+      set_memory_limit(static_cast<std::uint64_t>(number(16'000'000)));
     } else if (verb == "garble") {
       conditions_.garble = static_cast<int>(number(-1));
     } else if (verb == "scramble") {

@@ -46,7 +46,7 @@ class MockBus {
 
  private:
   void add_root_hub(int number);
-  void set_memory_limit(std::uint64_t megabytes);
+  void set_memory_limit(std::uint64_t bytes);
   [[nodiscard]] std::string statistics() const;
   [[nodiscard]] bool serve();
 

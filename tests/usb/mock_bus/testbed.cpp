@@ -219,20 +219,6 @@ void Testbed::set_link(const std::string& path, const std::string& name, const s
   }
 }
 
-void Testbed::show_open_file(int process, const void* file, const std::string& node) {
-  const fs::path folder = root_ / fmt::format("proc/{}/fd", process);
-  fs::create_directories(folder);
-  fs::create_symlink("/dev/" + node, folder / fmt::format("{}", fmt::ptr(file)));
-}
-
-void Testbed::hide_open_file(int process, const void* file) {
-  std::error_code ignored;
-  const fs::path folder = root_ / fmt::format("proc/{}/fd", process);
-  fs::remove(folder / fmt::format("{}", fmt::ptr(file)), ignored);
-  fs::remove(folder, ignored);  // The last one takes the folder away: the program's own files are seen again.
-  fs::remove(folder.parent_path(), ignored);
-}
-
 void Testbed::announce(const SysDevice& device, std::string_view action) {
   std::string properties;
   const auto add_property = [&](std::string_view key, std::string_view value) {

@@ -46,9 +46,6 @@ class Testbed {
   void announce(const SysDevice& device, std::string_view action);
   /// N of the next /dev/hidrawN; each is used once.
   [[nodiscard]] int next_hidraw() noexcept { return hidraws_++; }
-  /// What /proc/PROCESS/fd shows, as everybody may see who uses a device.
-  void show_open_file(int process, const void* file, const std::string& node);
-  void hide_open_file(int process, const void* file);
   /// News that a program did not take within 200 ms; it never learns of them.
   [[nodiscard]] std::uint32_t lost_news() const noexcept { return lost_news_; }
 
