@@ -263,8 +263,8 @@ std::optional<Sample> sdk_run(std::uint16_t frames, std::uint16_t side) {
     fmt::print("the SDK's stream delivered {} of {} frames\n", summary.ledger.delivered, frames);
     return std::nullopt;
   }
-  fmt::print("  bytes copied to put wire frames together: {} of {}\n", summary.link.copied_bytes,
-             summary.link.bytes);
+  fmt::print("  bytes copied to put wire frames together: {} of {}; the device waited {} ms for credit\n",
+             summary.link.copied_bytes, summary.link.bytes, summary.held_us / 1000);
   return sample;
 }
 
