@@ -263,8 +263,6 @@ std::string ExportedDevice::submit(SubmitUrb&& urb) {
 }
 
 std::string ExportedDevice::unlink(const UnlinkUrb& urb) {
-  // What has been completed already is replied to first, as the client expects.
-  take_completions();
   const auto found = under_way_.find(urb.victim);
   if (found == under_way_.end()) {
     replies_.push_back({unlink_reply(urb.sequence, UrbStatus::kOk), {}});
@@ -274,6 +272,8 @@ std::string ExportedDevice::unlink(const UnlinkUrb& urb) {
     return fmt::format("transfer {} is being stopped already", urb.victim);
   }
   found->second.unlink = urb.sequence;
+  // What has been completed already is replied to first, as the client expects; then there is nothing to
+  // cancel.
   (void)port_.cancel(port_id(urb.victim));
   take_completions();
   return {};

@@ -272,7 +272,7 @@ Status UsbIpServer::serve(const std::stop_token& stop) {
   }
   parts.clients.clear();
   parts.own_bus = nullptr;
-  device.run_ready();
+  (void)device.run_ready();
   return {};
 }
 

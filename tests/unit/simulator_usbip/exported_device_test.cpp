@@ -232,6 +232,11 @@ TEST_CASE("No more transfers and bytes are under way than the server has room fo
   }
   other.submit(whole, 0x81, 1);
   CHECK(other.said() == std::vector<Said>{{kRetSubmit, static_cast<int>(whole), -ENOMEM, 0, 0}});
+  // What has ended makes room.
+  other.port.complete(other.id(0), UsbOutcome::kDone);
+  CHECK(other.said().size() == 1);
+  other.submit(whole, 0x81, 1);
+  CHECK(other.said().empty());
 }
 
 TEST_CASE("A second SET_CONFIGURATION is the end of a bus reset") {
