@@ -24,11 +24,6 @@ constexpr auto kBetweenLooks = 20ms;
 constexpr auto kPermissionWithin = 1000ms;
 constexpr auto kStopWithin = 150ms;
 
-bool same(const BusEntry& a, const BusEntry& b) {
-  return a.port == b.port && a.bus == b.bus && a.address == b.address && a.serial == b.serial &&
-         a.dfu_mode == b.dfu_mode;
-}
-
 Change change_of(Change::Kind kind, const BusEntry& entry) {
   return {.kind = kind, .uri = uri_for(entry), .serial = entry.serial, .dfu_mode = entry.dfu_mode};
 }
@@ -40,16 +35,6 @@ std::vector<BusEntry> instruments() {
 }
 
 }  // namespace
-
-std::vector<BusEntry> missing_in(const std::vector<BusEntry>& before, const std::vector<BusEntry>& now) {
-  std::vector<BusEntry> out;
-  for (const BusEntry& entry : now) {
-    if (std::ranges::none_of(before, [&](const BusEntry& other) { return same(entry, other); })) {
-      out.push_back(entry);
-    }
-  }
-  return out;
-}
 
 void Subscription::tell(const Change& change) {
   {
@@ -145,7 +130,7 @@ void Notifier::look() {
   std::vector<BusEntry> ready;
   for (const BusEntry& entry : there) {
     const auto before =
-        std::ranges::find_if(waiting_, [&](const Waiting& one) { return same(one.entry, entry); });
+        std::ranges::find_if(waiting_, [&](const Waiting& one) { return same_stay(one.entry, entry); });
     const auto since = before == waiting_.end() ? now : before->since;
     if (::access(entry.node().c_str(), R_OK | W_OK) == 0 || now >= since + kPermissionWithin) {
       ready.push_back(entry);

@@ -65,8 +65,4 @@ class Notifier : public std::enable_shared_from_this<Notifier> {
   std::vector<Waiting> waiting_;
 };
 
-/// Devices that `now` has and `before` has not; the same device in another address has been replugged.
-[[nodiscard]] std::vector<BusEntry> missing_in(const std::vector<BusEntry>& before,
-                                               const std::vector<BusEntry>& now);
-
 }  // namespace scatter::device::usb

@@ -1,7 +1,6 @@
 #include "host_sdk/device/usb/selection.h"
 
 #include <algorithm>
-#include <vector>
 
 namespace scatter::device::usb {
 namespace {
@@ -119,6 +118,21 @@ Result<BusEntry> select(std::span<const BusEntry> entries, const Selector& wante
                 by_serial ? "name one by its port" : "name one of those");
   }
   return *able.front();
+}
+
+bool same_stay(const BusEntry& a, const BusEntry& b) {
+  return a.port == b.port && a.bus == b.bus && a.address == b.address && a.serial == b.serial &&
+         a.dfu_mode == b.dfu_mode;
+}
+
+std::vector<BusEntry> missing_in(const std::vector<BusEntry>& before, const std::vector<BusEntry>& now) {
+  std::vector<BusEntry> out;
+  for (const BusEntry& entry : now) {
+    if (std::ranges::none_of(before, [&](const BusEntry& other) { return same_stay(entry, other); })) {
+      out.push_back(entry);
+    }
+  }
+  return out;
 }
 
 }  // namespace scatter::device::usb

@@ -4,6 +4,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "host_sdk/device/uri.h"
 #include "host_sdk/device/usb/bus_scan.h"
@@ -29,5 +30,11 @@ struct Selector {
 /// nothing else is there: then the error says what they are.
 /// Errors  kNotFound, kInvalidArgument, kFailedPrecondition as Context::open.
 [[nodiscard]] Result<BusEntry> select(std::span<const BusEntry> entries, const Selector& wanted);
+
+/// The same device, without having left in between: at the same socket and address, in the same mode.
+[[nodiscard]] bool same_stay(const BusEntry& a, const BusEntry& b);
+/// Devices that `now` has and `before` has not; the same device in another address has been replugged.
+[[nodiscard]] std::vector<BusEntry> missing_in(const std::vector<BusEntry>& before,
+                                               const std::vector<BusEntry>& now);
 
 }  // namespace scatter::device::usb
