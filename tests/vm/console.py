@@ -15,7 +15,7 @@ class Verdict:
     def __init__(self):
         self.kept = 0
         self.broken = []
-        self.notes = []
+        self.kept_by = {}
 
 
 class Console:
@@ -48,8 +48,8 @@ class Console:
                     yield line.decode(errors="replace").rstrip("\r")
 
 
-def follow(machine, log, limit_s, verbose=False):
-    """Verdict over everything until the machine's end."""
+def follow(machine, log, limit_s, names, verbose=False):
+    """Verdict over everything until the machine's end; each of the named tests must have kept something."""
     verdict = Verdict()
     test, output, ended = "boot", [], False
 
@@ -75,12 +75,12 @@ def follow(machine, log, limit_s, verbose=False):
         elif word == "PASS":
             begin, end, promise = rest.split(" ", 2)
             verdict.kept += 1
+            verdict.kept_by[test] = verdict.kept_by.get(test, 0) + 1
             output.clear()
             print(f"  kept {float(end) - float(begin):8.2f} s  {promise}", flush=True)
         elif word == "FAIL":
             broken(rest)
         elif word == "NOTE":
-            verdict.notes.append(f"{test}: {rest}")
             print(f"  note             {rest}", flush=True)
         elif word == "DONE":
             status = int(rest.split()[1])
@@ -96,4 +96,7 @@ def follow(machine, log, limit_s, verbose=False):
                 print(f"    | {line}", flush=True)
     if not ended:
         broken("the machine ended before its tests did")
+    for test in names:
+        if test not in verdict.kept_by and not any(entry.startswith(test + ":") for entry in verdict.broken):
+            broken("nothing was tested")
     return verdict

@@ -177,7 +177,7 @@ def main():
     with open(console, "wb") as log:
         machine = boot(vmlinux, archive_path, shared, options.accelerator, ["vm_tests=" + ",".join(names)])
         try:
-            verdict = follow(machine, log, options.limit, options.verbose)
+            verdict = follow(machine, log, options.limit, names, options.verbose)
         finally:
             machine.kill()
             machine.wait()
