@@ -154,7 +154,9 @@ void Hidraw::called(Caller& caller, const Call& call) {
     case Call::Kind::kRead: {
       File& file = files_[&caller];
       if (file.reports.empty()) {
-        file.reading = call;
+        // All openers share one readiness: what poll() promised may have been another's report, and hidapi
+        // reads without O_NONBLOCK after it.
+        caller.answer(-1, EAGAIN);
       } else {
         give(caller, file, call);
         update_readiness();
