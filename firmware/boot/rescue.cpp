@@ -12,70 +12,35 @@ namespace {
 using protocol::MessageId;
 using protocol::StatusCode;
 
-constexpr int kRequestsPerPoll = 4;
-// A frame that stops arriving for this long is broken [us].
-constexpr std::uint64_t kFrameSilenceUs = 1'000'000;
 // A reboot waits this long for its reply to leave [us].
 constexpr std::uint64_t kRebootGraceUs = 200'000;
 
 }  // namespace
 
 Rescue::Rescue(const RescuePorts& ports) noexcept
-    : ports_(ports), output_(ports_.link), update_(ports_.slots, ports_.verifier, ports_.product) {}
+    : ports_(ports),
+      reader_(ports_.clock, ports_.link, output_, decoder_bytes_, received_),
+      output_(ports_.link),
+      update_(ports_.slots, ports_.verifier, ports_.product) {}
 
 void Rescue::follow_link() noexcept {
-  const bool connected = ports_.link.connected();
-  if (connected == connected_) {
-    return;
-  }
-  connected_ = connected;
-  if (!connected) {
+  if (reader_.follow_link() == RequestReader::Change::kDetached) {
     update_.cancel();
     waiting_.reset();
     session_open_ = false;
     cache_.clear();
     output_.clear();
   }
-  decoder_.reset();
-  unread_ = {};
-  decoder_has_more_ = false;
 }
 
 bool Rescue::receive() noexcept {
-  bool did_work = false;
-  const std::uint64_t now = ports_.clock.now_us();
-  if (unread_.empty()) {
-    const std::size_t count = std::min(ports_.link.read(received_), received_.size());
-    unread_ = std::span<const std::byte>(received_).first(count);
-    if (count > 0) {
-      heard_at_us_ = now;
-      did_work = true;
-    }
-  }
-  for (int i = 0; i < kRequestsPerPoll && (!unread_.empty() || decoder_has_more_); ++i) {
-    if (!output_.has_control_room()) {
-      break;
-    }
-    const protocol::ParseResult result = decoder_.next(unread_);
-    decoder_has_more_ = result.status != protocol::ParseStatus::kNeedMore;
-    did_work = true;
-    if (result.frame) {
-      on_frame(*result.frame);
-    } else if (protocol::is_refused(result.status) && result.header.channel == protocol::Channel::kControl &&
-               result.header.message < 0x8000) {
-      reply_status(result.header, StatusCode::kVersionMismatch, "unknown wire major, flag or channel");
-    }
-  }
-  if (decoder_.buffered() > 0 && unread_.empty() && !decoder_has_more_ &&
-      now >= heard_at_us_ + kFrameSilenceUs) {
-    did_work = true;
-    decoder_.give_up([this](const Frame& frame) {
-      if (output_.has_control_room()) {
-        on_frame(frame);
-      }
-    });
-  }
-  return did_work;
+  return reader_.receive([this](const Frame& frame) { on_frame(frame); },
+                         [this](const Header& header) {
+                           if (header.channel == protocol::Channel::kControl && header.message < 0x8000) {
+                             reply_status(header, StatusCode::kVersionMismatch,
+                                          "unknown wire major, flag or channel");
+                           }
+                         });
 }
 
 void Rescue::on_frame(const Frame& frame) noexcept {
@@ -189,7 +154,7 @@ void Rescue::hello(const Frame& frame) noexcept {
 void Rescue::get_status(const Header& request) noexcept {
   protocol::DeviceStatus status;
   status.device_time_us = ports_.clock.now_us();
-  count_damage(decoder_.counters(), ports_.link, status);
+  count_damage(reader_.counters(), ports_.link, status);
   status.stale_session = stale_frames_;
   status.duplicates = duplicates_;
   reply(request, status);
@@ -248,7 +213,7 @@ Step Rescue::poll() noexcept {
     return step;
   }
   follow_link();
-  if (connected_) {
+  if (reader_.connected()) {
     step.did_work = output_.pump();
     step.did_work = receive() || step.did_work;
     step.did_work = go_on() || step.did_work;
@@ -262,8 +227,8 @@ Step Rescue::poll() noexcept {
     }
     step.wake_at_us = std::min(step.wake_at_us, reboot_at_us_);
   }
-  if (decoder_.buffered() > 0) {
-    step.wake_at_us = std::min(step.wake_at_us, std::max(heard_at_us_ + kFrameSilenceUs, now + 1));
+  if (const std::uint64_t gives_up = reader_.gives_up_at_us(now); gives_up != 0) {
+    step.wake_at_us = std::min(step.wake_at_us, gives_up);
   }
   return step;
 }

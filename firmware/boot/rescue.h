@@ -10,10 +10,10 @@
 
 #include "firmware/boot/boot_decision.h"
 #include "firmware/core/link_output.h"
+#include "firmware/core/request_reader.h"
 #include "firmware/core/step.h"
 #include "firmware/core/update_receiver.h"
 #include "firmware/ports/ports.h"
-#include "protocol/link_decoder.h"
 #include "protocol/session.h"
 
 namespace scatter::firmware {
@@ -65,13 +65,9 @@ class Rescue {
 
   RescuePorts ports_;
   std::array<std::byte, protocol::kMaxFrameBytes> decoder_bytes_{};
-  protocol::LinkDecoder decoder_{decoder_bytes_};
   std::array<std::byte, kReceiveBytes> received_{};
-  std::span<const std::byte> unread_;
-  bool decoder_has_more_ = false;
-  bool connected_ = false;
+  RequestReader reader_;
   bool session_open_ = false;
-  std::uint64_t heard_at_us_ = 0;
   std::uint64_t reboot_at_us_ = 0;  // 0 = no reboot asked for.
   bool rebooting_ = false;
   std::uint32_t stale_frames_ = 0;

@@ -22,9 +22,9 @@
 #include "firmware/core/event_log.h"
 #include "firmware/core/link_output.h"
 #include "firmware/core/persistent_state.h"
+#include "firmware/core/request_reader.h"
 #include "firmware/core/step.h"
 #include "firmware/ports/ports.h"
-#include "protocol/link_decoder.h"
 
 namespace scatter::firmware {
 
@@ -88,15 +88,10 @@ class InstrumentCore {
 
   bool follow_link() noexcept;
   bool receive() noexcept;
-  void handle(const protocol::ParseResult& result) noexcept;
 
   Ports& ports_;
-  protocol::LinkDecoder decoder_;
   std::array<std::byte, kReceiveBytes> received_{};
-  std::span<const std::byte> unread_;  // Of received_, not yet decoded.
-  bool decoder_has_more_ = false;      // next() may give a frame without new bytes.
-  bool connected_ = false;
-  std::uint64_t heard_at_us_ = 0;
+  RequestReader reader_;
 
   LinkOutput output_;
   EventLog events_;
