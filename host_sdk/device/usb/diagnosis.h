@@ -15,9 +15,9 @@ namespace scatter::device::usb {
 
 struct Finding {
   enum class Verdict { kGood, kWarning, kProblem, kUnknown };
-  std::string check = {};  ///< "usb", "udev rule", "usbfs memory", "virtual bus", "disk", "instrument"; for
-                           ///< each instrument: "identity", "permissions", "driver", "rescue channel", "bus
-                           ///< speed", "in use", "firmware", "protocol".
+  std::string check = {};    ///< "usb", "udev rule", "usbfs memory", "virtual bus", "disk", "instrument"; for
+                             ///< each instrument: "identity", "permissions", "driver", "rescue channel", "bus
+                             ///< speed", "in use", "firmware", "protocol".
   std::string subject = {};  ///< Which instrument or file; "" for the computer.
   Verdict verdict = Verdict::kGood;
   std::string found = {};  ///< What is there, and what was expected.
