@@ -18,7 +18,11 @@ namespace scatter::device::usb {
 namespace {
 
 using namespace std::chrono_literals;
-using namespace protocol::usb;
+using protocol::usb::kBulkIn;
+using protocol::usb::kBulkOut;
+using protocol::usb::kStreamInterface;
+using protocol::usb::kStreamOpenSetting;
+using protocol::usb::kTransferBytes;
 
 constexpr int kTransferLength = static_cast<int>(kTransferBytes);
 constexpr std::size_t kFewestTransfers = 2;

@@ -22,7 +22,7 @@
 #include "host_sdk/error/error.h"
 
 struct libusb_device_handle;
-struct libusb_transfer;
+struct libusb_transfer;  // NOLINT(readability-identifier-naming): theirs
 
 namespace scatter::device::usb {
 

@@ -7,6 +7,13 @@
 namespace scatter::device::usb {
 namespace {
 
+using protocol::usb::kBulkIn;
+using protocol::usb::kBulkOut;
+using protocol::usb::kStreamClass;
+using protocol::usb::kStreamInterface;
+using protocol::usb::kStreamOpenSetting;
+using protocol::usb::kStreamSubClass;
+
 // USB 2.0 section 9.6.
 constexpr std::uint8_t kDeviceDescriptor = 1;
 constexpr std::uint8_t kConfigurationDescriptor = 2;
@@ -34,7 +41,6 @@ std::uint16_t word_at(std::span<const std::byte> bytes, std::size_t index) {
 }  // namespace
 
 bool UsbShape::streams() const noexcept {
-  using namespace protocol::usb;
   return std::ranges::any_of(interfaces, [](const UsbInterfaceShape& one) {
     const auto has = [&](std::uint8_t address) {
       return std::ranges::any_of(one.endpoints, [&](const UsbEndpointShape& endpoint) {
