@@ -50,8 +50,25 @@ std::uint16_t nonce_from(std::uint64_t x) noexcept {
   return nonce == 0 ? 1 : nonce;
 }
 
-Error version_error(std::string what) {
-  return {ErrorCode::kVersionMismatch, std::move(what), "update the older side: host software or firmware"};
+/// The device speaks wire major `device`, or (nothing) refused every one from 1 up to the host's: no major is
+/// below 1, so it left ours behind.
+Error version_error(std::optional<std::uint8_t> device) {
+  const std::string ours = std::to_string(protocol::kWireMajor);
+  const std::string theirs =
+      device ? "speaks wire version " + std::to_string(*device) : "no longer speaks wire version " + ours;
+  if (device && *device < protocol::kWireMajor) {
+    return {ErrorCode::kVersionMismatch,
+            "hello: the instrument's firmware is older than this program: it " + theirs +
+                ", this program speaks " + ours,
+            "update the firmware: scatter flash, or dfu-util with a release's .dfu; over USB, scatter doctor "
+            "prints the command"};
+  }
+  return {
+      ErrorCode::kVersionMismatch,
+      "hello: this program is older than the instrument's firmware, which " + theirs +
+          (device ? "; this program speaks " + ours : ""),
+      "update OpenScatter on this computer, or give the instrument the firmware of this release; over USB, "
+      "scatter doctor prints the command"};
 }
 
 }  // namespace
@@ -111,20 +128,17 @@ Status Session::say_hello(TimePoint deadline, const std::stop_token& stop) {
   hello.host_name = std::string_view(host_name_);
   hello.build_id = std::string_view(build_id_);
   saying_hello_ = true;
-  refused_version_ = false;
+  other_major_.reset();
   Result<protocol::HelloReply> reply = request<protocol::HelloReply>(hello, deadline, stop);
   saying_hello_ = false;
-  if (refused_version_ && !reply) {
-    return std::unexpected(version_error("hello: the device speaks another wire version than " +
-                                         std::to_string(protocol::kWireMajor)));
+  if (!reply && reply.error().code == ErrorCode::kVersionMismatch) {
+    return std::unexpected(version_error(other_major_));
   }
   if (!reply) {
     return std::unexpected(std::move(reply.error()));
   }
   if (reply->wire_major != protocol::kWireMajor) {
-    return std::unexpected(version_error("hello: the device chose wire version " +
-                                         std::to_string(reply->wire_major) + ", the host speaks " +
-                                         std::to_string(protocol::kWireMajor)));
+    return std::unexpected(version_error(reply->wire_major));
   }
   hello_ = *reply;
   return {};
@@ -194,8 +208,8 @@ Status Session::exchange(MessageId id, std::string_view name, std::size_t payloa
       spacing = std::min(2 * spacing, kLongestRetry);
     }
     const Status pumped = pump(std::min(deadline, next_send), stop);
-    if (refused_version_ && saying_hello_) {
-      return give_up(version_error("hello"));
+    if (other_major_ && saying_hello_) {
+      return give_up(version_error(other_major_));
     }
     if (replied_) {
       const auto status = held_status();
@@ -257,7 +271,7 @@ Status Session::pump(TimePoint until, const std::stop_token& stop) {
   decoder_.push(*got, deliver, [this](const protocol::FrameHeader& header, protocol::ParseStatus status) {
     if (saying_hello_ && status == protocol::ParseStatus::kBadVersion &&
         header.channel == protocol::Channel::kControl) {
-      refused_version_ = true;
+      other_major_ = header.wire_major;
     }
   });
   return {};

@@ -164,7 +164,7 @@ class Session {
   protocol::MessageId expected_id_ = protocol::MessageId::kStatusReply;
   protocol::MessageId reply_id_ = protocol::MessageId::kStatusReply;
   bool replied_ = false;
-  bool refused_version_ = false;
+  std::optional<std::uint8_t> other_major_;  ///< Frames of this wire major came as answers to HELLO.
   std::vector<std::byte> reply_;
 
   std::uint64_t batch_time_unix_ns_ = 0;

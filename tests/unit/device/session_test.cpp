@@ -182,12 +182,14 @@ TEST_CASE("A device of another wire version is told apart from a broken one") {
     });
     REQUIRE_FALSE(pair.host);
     CHECK(pair.host.error().code == ErrorCode::kVersionMismatch);
+    CHECK(pair.host.error().what.find("this program is older") != std::string::npos);
   }
-  SECTION("by frames of another major") {
-    const Pair pair = open_pair([](ScriptedDevice& device) {
-      device.script.request = [&device](const protocol::Frame& frame) {
+  SECTION("by frames of another major, which says the older side") {
+    const std::uint8_t major = GENERATE(std::uint8_t{0}, std::uint8_t{2}, std::uint8_t{255});
+    const Pair pair = open_pair([major](ScriptedDevice& device) {
+      device.script.request = [&device, major](const protocol::Frame& frame) {
         protocol::FrameHeader header;
-        header.wire_major = 2;
+        header.wire_major = major;
         header.session = frame.header().session;
         header.correlation = frame.header().correlation;
         Bytes bytes(200);
@@ -198,6 +200,9 @@ TEST_CASE("A device of another wire version is told apart from a broken one") {
     });
     REQUIRE_FALSE(pair.host);
     CHECK(pair.host.error().code == ErrorCode::kVersionMismatch);
+    const std::string& what = pair.host.error().what;
+    CHECK(what.find(major == 0 ? "firmware is older" : "this program is older") != std::string::npos);
+    CHECK(what.find("wire version " + std::to_string(major)) != std::string::npos);
     CHECK_FALSE(pair.host.error().remedy.empty());
   }
 }
