@@ -16,7 +16,7 @@ struct UsbIdentity {
   std::string_view manufacturer;   ///< Empty = none.
   std::string_view product;        ///< Empty = none.
   std::string_view serial;         ///< Unique; empty = none. For Windows: 0x20..0x7E without comma.
-  std::uint16_t release_bcd = 0;   ///< bcdDevice: 0x0102 is 1.2.
+  std::uint16_t release_bcd = 0;   ///< bcdDevice: 0x0123 is 1.2.3.
   bool high_speed_capable = true;  ///< Of the controller; else there is no device qualifier.
 };
 
