@@ -13,6 +13,10 @@
 namespace scatter::device::usb {
 namespace {
 
+using protocol::usb::kDfuProductId;
+using protocol::usb::kProductId;
+using protocol::usb::kVendorId;
+
 namespace fs = std::filesystem;
 
 // A device has at most 8 configurations of 64 KiB; ours has one of some hundred bytes.
@@ -85,16 +89,16 @@ std::vector<Holder> find_holders(const fs::path& node, const SystemRoot& root) {
       const std::string target = link_target(files / one);
       return target == node || (target.starts_with("/dev/") && same_file(files / one, node));
     };
-    if (std::ranges::any_of(open, is_node)) {
-      out.push_back(
-          {.process_id = static_cast<int>(*process), .program = attribute(processes / name / "comm")});
+    if (const auto times = std::ranges::count_if(open, is_node); times > 0) {
+      out.push_back({.process_id = static_cast<int>(*process),
+                     .program = attribute(processes / name / "comm"),
+                     .files = static_cast<int>(times)});
     }
   }
   return out;
 }
 
 std::vector<BusEntry> scan_bus(const SystemRoot& root) {
-  using namespace protocol::usb;
   std::vector<BusEntry> out;
   const fs::path devices = root.path / "sys/bus/usb/devices";
   for (const std::string& port : names_in(devices)) {

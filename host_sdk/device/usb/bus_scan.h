@@ -14,6 +14,7 @@ namespace scatter::device::usb {
 struct Holder {
   int process_id = 0;
   std::string program;  ///< "scatter"
+  int files = 1;        ///< How often it has the node open.
 };
 
 /// One of our vendor's devices on the bus.

@@ -4,26 +4,11 @@
 #include <unistd.h>
 
 #include <string>
-#include <vector>
 
 #include "host_sdk/device/usb/selection.h"
 #include "host_sdk/device/usb/udev_rule.h"
 
 namespace scatter::device::usb {
-namespace {
-
-std::string holder_list(const BusEntry& entry) {
-  std::string out;
-  for (const Holder& one : find_holders(entry.node())) {
-    out += (out.empty() ? "" : ", ") +
-           (one.process_id == ::getpid() ? std::string("this program") : one.program) + " (" +
-           std::to_string(one.process_id) + ")";
-  }
-  return out.empty() ? "another program" : out;
-}
-
-}  // namespace
-
 Error open_error(int libusb_error, const BusEntry& entry) {
   switch (libusb_error) {
     case LIBUSB_ERROR_ACCESS:
@@ -31,8 +16,7 @@ Error open_error(int libusb_error, const BusEntry& entry) {
               label(entry) + ": " + entry.node().string() + " may not be opened by this user",
               "install the udev rule: " + std::string(kInstallUdevRule)};
     case LIBUSB_ERROR_BUSY:
-      return {ErrorCode::kBusy, label(entry) + " is in use by " + holder_list(entry),
-              "close that program, or wait for it"};
+      return busy_error(entry, find_holders(entry.node()), ::getpid());
     case LIBUSB_ERROR_NO_DEVICE:
     case LIBUSB_ERROR_NOT_FOUND:
       return {ErrorCode::kDisconnected, label(entry) + " was unplugged while it was being opened",

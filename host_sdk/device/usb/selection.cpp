@@ -135,4 +135,24 @@ std::vector<BusEntry> missing_in(const std::vector<BusEntry>& before, const std:
   return out;
 }
 
+Error busy_error(const BusEntry& entry, std::span<const Holder> holders, int own_process) {
+  std::string others;
+  bool own = false;
+  for (const Holder& one : holders) {
+    if (one.process_id == own_process) {
+      own = one.files > 1;
+    } else {
+      others += (others.empty() ? "" : ", ") + one.program + " (" + std::to_string(one.process_id) + ")";
+    }
+  }
+  if (own && others.empty()) {
+    return {ErrorCode::kBusy, label(entry) + ": this program has it open already",
+            "go on with the Device that is open, or destroy it first"};
+  }
+  return {ErrorCode::kBusy,
+          label(entry) + " is in use by " + (others.empty() ? std::string("another program") : others) +
+              (own ? "; this program has it open, too" : ""),
+          "close that program, or wait for it"};
+}
+
 }  // namespace scatter::device::usb

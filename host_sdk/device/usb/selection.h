@@ -37,4 +37,9 @@ struct Selector {
 [[nodiscard]] std::vector<BusEntry> missing_in(const std::vector<BusEntry>& before,
                                                const std::vector<BusEntry>& now);
 
+/// The stream interface is claimed. `holders` were found while the caller (process `own_process`) had the
+/// node open itself, which is not counted: its own name appears only where another Device of its has the node
+/// open.
+[[nodiscard]] Error busy_error(const BusEntry& entry, std::span<const Holder> holders, int own_process);
+
 }  // namespace scatter::device::usb

@@ -72,6 +72,20 @@ TEST_CASE("Strangers and devices in DFU mode are passed over, and told apart whe
   }
 }
 
+TEST_CASE("Who holds it is named, and the program that asks only when it has it open beside the attempt") {
+  const BusEntry entry = instrument("1-1", "A");
+  const Holder asking{.process_id = 7, .program = "scatter", .files = 1};
+  const Holder twice{.process_id = 7, .program = "scatter", .files = 2};
+  const Holder other{.process_id = 8, .program = "lab", .files = 1};
+  const auto what = [&](std::vector<Holder> holders) { return busy_error(entry, holders, 7).what; };
+  CHECK(what({}) == "instrument 'A' at USB port 1-1 is in use by another program");
+  CHECK(what({asking}) == what({}));
+  CHECK(what({asking, other}) == "instrument 'A' at USB port 1-1 is in use by lab (8)");
+  CHECK(what({twice}) == "instrument 'A' at USB port 1-1: this program has it open already");
+  CHECK(what({twice, other}).find("lab (8); this program has it open, too") != std::string::npos);
+  CHECK(busy_error(entry, std::vector{twice}, 7).remedy.find("destroy it first") != std::string::npos);
+}
+
 TEST_CASE("A number of transfers out of range is refused") {
   for (const int transfers : {0, 15, 65}) {
     const auto context = Context::make({.transfers = transfers});
