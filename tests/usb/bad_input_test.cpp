@@ -1,5 +1,8 @@
 // What can be wrong with a bus and with what is plugged in: a clear error with a remedy, in bounded time.
+#include <algorithm>
+
 #include "host_sdk/device/usb/bus_scan.h"
+#include "host_sdk/device/usb/diagnosis.h"
 #include "tests/usb/child.h"
 #include "tests/usb/rig.h"
 
@@ -84,6 +87,60 @@ TEST_CASE("Held by a program that cannot be seen: busy all the same") {
   (void)refused(host, ErrorCode::kBusy);
   host.bus().hold_interface(0, false);
   check_usable(host);
+}
+
+TEST_CASE("Opened twice by one program: busy, and said to be its own doing") {
+  Host host;
+  {
+    Device first = host.open();
+    const Error error = refused(host, ErrorCode::kBusy);
+    CHECK(says(error, "this program has it open already"));
+    CHECK_FALSE(says(error, "in use by"));
+    check_whole(integration::run(first, pattern_recipe(3)), 3);
+  }
+  // Held by another, this program is no holder just because it tried.
+  host.bus().hold_interface(0, true);
+  CHECK_FALSE(says(refused(host, ErrorCode::kBusy), "this program"));
+  host.bus().hold_interface(0, false);
+  check_usable(host);
+}
+
+TEST_CASE("Firmware of another wire version: said as such, which side is older, and how to mend it") {
+  struct Case {
+    int major;
+    bool refuses;
+    const char* older;
+    const char* remedy;
+  };
+  for (const Case& each : {Case{2, true, "this program is older", "update OpenScatter"},
+                           Case{2, false, "this program is older", "update OpenScatter"},
+                           Case{0, false, "firmware is older", "update the firmware"}}) {
+    INFO("wire major " << each.major << (each.refuses ? ", refuses" : ", answers"));
+    Host host;
+    host.bus().unplug();
+    const int slot = host.bus().add_of_other_wire(each.major, each.refuses, "seed=5");
+    host.bus().plug(slot);
+    REQUIRE(soon([&] { return device::usb::scan_bus().size() == 1; }));
+    CHECK(device::usb::scan_bus().front().ours);
+    const Error error = refused(host, ErrorCode::kVersionMismatch);
+    CHECK(says(error, each.older));
+    CHECK(error.remedy.find(each.remedy) != std::string::npos);
+    // And again: the refusal leaves nothing behind.
+    (void)refused(host, ErrorCode::kVersionMismatch);
+
+    device::usb::DiagnosisOptions options;
+    options.registry = &host.registry();
+    const auto findings = device::usb::diagnose(options);
+    const auto found =
+        std::ranges::find_if(findings, [](const auto& finding) { return finding.check == "protocol"; });
+    REQUIRE(found != findings.end());
+    CHECK(found->verdict == device::usb::Finding::Verdict::kProblem);
+    CHECK(found->found.find(each.older) != std::string::npos);
+    CHECK(found->why.find(each.remedy) != std::string::npos);
+    CHECK(found->command.find("dfu-util -d 1209:000d") != std::string::npos);
+    host.bus().unplug(slot);
+    host.bus().plug();
+  }
 }
 
 TEST_CASE("A stranger's device with our numbers is never spoken to, and told apart from an instrument") {

@@ -46,6 +46,11 @@ class BusControl {
   void press_button(int slot = 0) { ask("press " + std::to_string(slot)); }
   /// A further instrument in a socket of its own, not plugged in. Gives the socket's number.
   int add_instrument(const std::string& query) { return std::stoi(ask("add " + query)); }
+  /// An instrument whose firmware speaks only this wire major, not plugged in. It refuses HELLO as SPEC 6.4
+  /// says, or answers in frames of its own wire major.
+  int add_of_other_wire(int major, bool refuses, const std::string& query) {
+    return std::stoi(ask("add_of_other_wire " + std::to_string(major) + (refuses ? " 1 " : " 0 ") + query));
+  }
   /// A device of somebody else's with our vendor and product numbers, not plugged in.
   int add_stranger() { return std::stoi(ask("add_stranger")); }
   /// From now on, also for devices that come.

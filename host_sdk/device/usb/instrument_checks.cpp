@@ -154,6 +154,11 @@ void ask_versions(const DiagnosisOptions& options, const BusEntry& entry, const 
     firmware.verdict = error.code == ErrorCode::kBusy ? Verdict::kUnknown : Verdict::kProblem;
     firmware.found = fmt::format("{}; {}", release, error.what);
     firmware.why = error.remedy;
+    if (version) {
+      // Neither side can ask the other for an update over the wire; DFU needs no common version.
+      firmware.command = fmt::format(
+          "dfu-util -d 1209:000d,1209:000e -p {} -E 1 -R -D build/firmware/openscatter.dfu", entry.port);
+    }
     out.push_back(std::move(firmware));
     return;
   }

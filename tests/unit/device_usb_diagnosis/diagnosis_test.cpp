@@ -365,6 +365,10 @@ TEST_CASE("A free instrument of another protocol version, and one that fails to 
     CHECK(finding.verdict == each.verdict);
     CHECK(finding.found.find("the cause") != std::string::npos);
     CHECK(finding.why == "the remedy");
+    // DFU is the way to new firmware that needs no common wire version.
+    CHECK((finding.command.find("dfu-util") != std::string::npos) ==
+          (each.code == ErrorCode::kVersionMismatch));
+    CHECK_FALSE(finding.harmless);
   }
 }
 

@@ -1,4 +1,5 @@
-// mock_bus [QUERY...] [--speed 12|480] [--unplugged] [--stranger] [--uninstrumented] -- COMMAND [ARGUMENT...]
+// mock_bus [QUERY...] [--speed 12|480] [--wire MAJOR] [--unplugged] [--stranger] [--uninstrumented]
+//          -- COMMAND [ARGUMENT...]
 //
 // Runs COMMAND on a machine whose USB bus is a mock with simulated instruments on it, and ends as it ends; or
 // with 3 where the command was content and its use of the bus was not correct.
@@ -20,6 +21,7 @@
 
 #include <fmt/format.h>
 
+#include "protocol/frame.h"
 #include "tests/usb/mock_bus/mock_bus.h"
 #include "tests/usb/mock_bus/stranger.h"
 
@@ -33,7 +35,8 @@ struct Arguments {
   unsigned speed = 480;
   bool plugged = true;
   bool stranger = false;
-  bool instrumented = true;  ///< The command was built as this program was.
+  std::uint8_t wire_major = scatter::protocol::kWireMajor;  ///< Of the instruments' firmware.
+  bool instrumented = true;                                 ///< The command was built as this program was.
   std::vector<char*> command;
 };
 
@@ -48,6 +51,8 @@ Arguments parse(int count, char** words) {
     const std::string_view word = words[k];
     if (word == "--speed" && k + 1 < count) {
       arguments.speed = static_cast<unsigned>(std::atoi(words[++k]));
+    } else if (word == "--wire" && k + 1 < count) {
+      arguments.wire_major = static_cast<std::uint8_t>(std::atoi(words[++k]));
     } else if (word == "--unplugged") {
       arguments.plugged = false;
     } else if (word == "--stranger") {
@@ -64,8 +69,8 @@ Arguments parse(int count, char** words) {
   arguments.command.assign(words + std::min(k + 1, count), words + count);
   if (arguments.command.empty() || (arguments.speed != 12 && arguments.speed != 480)) {
     fmt::print(stderr,
-               "usage: mock_bus [QUERY...] [--speed 12|480] [--unplugged] [--stranger] [--uninstrumented] -- "
-               "COMMAND [ARGUMENT...]\n");
+               "usage: mock_bus [QUERY...] [--speed 12|480] [--wire MAJOR] [--unplugged] [--stranger] "
+               "[--uninstrumented] -- COMMAND [ARGUMENT...]\n");
     std::exit(kUsage);
   }
   return arguments;
@@ -124,7 +129,10 @@ void pass_on(int signal) {
 int run(const Arguments& arguments) {
   MockBus bus;
   for (const std::string& query : arguments.queries) {
-    if (const scatter::Result<int> added = bus.add_instrument(query); !added) {
+    const scatter::Result<int> added = arguments.wire_major == scatter::protocol::kWireMajor
+                                           ? bus.add_instrument(query)
+                                           : bus.add_of_other_wire(query, arguments.wire_major, true);
+    if (!added) {
       fmt::print(stderr, "mock_bus: {}\n", added.error().what);
       return kUsage;
     }

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "tests/usb/mock_bus/other_wire.h"
 #include "tests/usb/mock_bus/plugged_instrument.h"
 #include "tests/usb/mock_bus/stranger.h"
 
@@ -70,6 +71,15 @@ Result<int> MockBus::add_instrument(std::string_view query) {
   return add(std::move(*instrument));
 }
 
+Result<int> MockBus::add_of_other_wire(std::string_view query, std::uint8_t major, bool refuses) {
+  Result<std::unique_ptr<Peripheral>> instrument = plugged_instrument(query);
+  if (!instrument) {
+    return std::unexpected(std::move(instrument.error()));
+  }
+  const auto manner = refuses ? OtherWire::Manner::kRefuses : OtherWire::Manner::kAnswers;
+  return add(std::make_unique<OtherWire>(std::move(*instrument), major, manner));
+}
+
 std::string MockBus::statistics() const {
   std::size_t under_way = 0;
   for (const auto& slot : slots_) {
@@ -110,6 +120,13 @@ std::string MockBus::request(const std::string& line) {
       std::string query;
       words >> query;
       const Result<int> added = add_instrument(query);
+      return added ? fmt::format("ok {}", *added) : "error " + added.error().what;
+    } else if (verb == "add_of_other_wire") {
+      const auto major = static_cast<std::uint8_t>(number(0));
+      const bool refuses = number(1) != 0;
+      std::string query;
+      words >> query;
+      const Result<int> added = add_of_other_wire(query, major, refuses);
       return added ? fmt::format("ok {}", *added) : "error " + added.error().what;
     } else if (verb == "add_stranger") {
       return fmt::format("ok {}", add(std::make_unique<Stranger>()));

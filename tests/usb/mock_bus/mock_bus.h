@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -32,6 +33,8 @@ class MockBus {
   int add(std::unique_ptr<Peripheral> peripheral);
   /// As simulator::parse_instrument_options.
   [[nodiscard]] Result<int> add_instrument(std::string_view query);
+  /// One whose firmware speaks only this wire major. `refuses`: OtherWire::Manner.
+  [[nodiscard]] Result<int> add_of_other_wire(std::string_view query, std::uint8_t major, bool refuses);
   void plug(int slot, unsigned speed_mbps) { slots_.at(static_cast<std::size_t>(slot))->plug(speed_mbps); }
 
   /// One request of a test (bus_control.h): "ok ..." or "error ...".
