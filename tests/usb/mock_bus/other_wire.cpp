@@ -28,7 +28,8 @@ void tell_major(Bytes& configuration, std::uint8_t major) {
   for (std::size_t k = 0; k + kInterfaceBytes <= configuration.size();) {
     const auto length = std::to_integer<std::size_t>(configuration[k]);
     if (length == kInterfaceBytes && configuration[k + 1] == std::byte{4} &&
-        configuration[k + 2] == std::byte{protocol::usb::kStreamInterface}) {
+        configuration[k + 2] == std::byte{protocol::usb::kStreamInterface} &&
+        configuration[k + 5] == std::byte{protocol::usb::kStreamClass}) {
       configuration[k + 7] = std::byte{major};
     }
     k += std::max<std::size_t>(length, 1);
