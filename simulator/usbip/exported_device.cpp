@@ -280,6 +280,10 @@ std::string ExportedDevice::unlink(const UnlinkUrb& urb) {
 }
 
 std::optional<Reply> ExportedDevice::next_reply() {
+  // What a transfer found waiting is complete as soon as it is submitted.
+  if (replies_.empty()) {
+    (void)take_completions();
+  }
   if (replies_.empty()) {
     return std::nullopt;
   }

@@ -255,10 +255,10 @@ Status UsbIpServer::serve(const std::stop_token& stop) {
     if (Status plugged = parts.plug_in(); !plugged) {
       return plugged;
     }
-    const bool slow = parts.host_is_slow();
-    if (moved && !slow) {
+    if (moved) {
       continue;
     }
+    const bool slow = parts.host_is_slow();
     // A wait of 0 looks at the sockets all the same, so that an endless run still hears its host.
     if (Status waited = parts.wait(pace.wait_us(device.now_us(), wake, slow)); !waited) {
       return waited;

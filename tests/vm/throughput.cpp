@@ -190,7 +190,7 @@ class Bare {
     for (auto& buffer : buffers) {
       libusb_transfer* transfer = libusb_alloc_transfer(0);
       libusb_fill_bulk_transfer(transfer, handle_, identity::kBulkIn, buffer.data(),
-                                static_cast<int>(buffer.size()), completed, this, kPatience_ms);
+                                static_cast<int>(buffer.size()), completed, this, 0);
       transfers.push_back(transfer);
       under_way_ += libusb_submit_transfer(transfer) == 0 ? 1 : 0;
     }
