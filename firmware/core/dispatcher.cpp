@@ -236,7 +236,7 @@ void Dispatcher::link_closed() noexcept {
 Step Dispatcher::poll() noexcept {
   const std::uint64_t now = ports_.clock.now_us();
   if (reboot_at_us_ != 0) {
-    if (!output_.idle() && now < reboot_at_us_) {
+    if (!(output_.idle() && ports_.link.drained()) && now < reboot_at_us_) {
       return {.did_work = false, .wake_at_us = reboot_at_us_};
     }
     reboot_at_us_ = 0;

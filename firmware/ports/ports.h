@@ -36,6 +36,8 @@ class Link {
   [[nodiscard]] virtual std::size_t write(std::span<const std::byte> bytes) noexcept = 0;
   /// The bytes written so far end a wire frame: a carrier that moves packets can end its transfer here.
   virtual void end_frame() noexcept {}
+  /// Every byte written was taken by the host, as far as the carrier knows: it may go away without loss.
+  [[nodiscard]] virtual bool drained() noexcept { return true; }
   /// False when no host is attached; bytes written then are discarded.
   [[nodiscard]] virtual bool connected() noexcept = 0;
   /// Longest payload of a wire frame on this carrier [B].

@@ -200,8 +200,9 @@ Status Session::exchange(MessageId id, std::string_view name, std::size_t payloa
   for (;;) {
     if (now() >= next_send) {
       const Status sent = send_request(id, waiting_for_, payload, deadline, stop);
-      // A device in use answers BUSY and closes at once: its answer may lie here, so read all the same.
-      if (!sent && !(saying_hello_ && sent.error().code == ErrorCode::kDisconnected)) {
+      // A device that answers and is gone (in use, or restarting): its answer may lie here, so read all the
+      // same.
+      if (!sent && sent.error().code != ErrorCode::kDisconnected) {
         return give_up(sent.error());
       }
       next_send = now() + spacing;

@@ -18,6 +18,10 @@ void UsbLink::end_frame() noexcept {
   }
 }
 
+bool UsbLink::drained() noexcept {
+  return !attached_ || controller_.waiting(protocol::usb::kBulkIn) == 0;
+}
+
 bool UsbLink::connected() noexcept {
   told_ = told_ || !attached_;
   return attached_;

@@ -19,6 +19,7 @@ class UsbLink final : public Link {
   /// Without a host the bytes are discarded.
   [[nodiscard]] std::size_t write(std::span<const std::byte> bytes) noexcept override;
   void end_frame() noexcept override;
+  [[nodiscard]] bool drained() noexcept override;
   /// For the core alone: having been told of a detach lets the next host in, so that each SET_INTERFACE ends
   /// run and session even when another one follows before the core's next turn.
   [[nodiscard]] bool connected() noexcept override;

@@ -252,11 +252,19 @@ Result<std::span<const std::byte>> BulkLink::receive(Clock::time_point deadline,
     {
       std::unique_lock lock(mutex_);
       if (completed_.empty()) {
+        const auto now = Clock::now();
         if (gone_) {
+          // A refused transfer tells of the end before the kernel has given back what came earlier.
+          if (!settled_ &&
+              changed_.wait_until(lock, now + kReapWithin,
+                                  [this] { return !completed_.empty() || under_way_ == 0; }) &&
+              !completed_.empty()) {
+            continue;
+          }
+          settled_ = true;
           lock.unlock();
           return disconnected();
         }
-        const auto now = Clock::now();
         if (now >= deadline) {
           return fail(ErrorCode::kDeadlineExceeded, label(entry_) + ": nothing came in time",
                       "check that the device has power and the cable is good, then try again");
@@ -417,6 +425,10 @@ void BulkLink::lose(const std::string& why) {
 }
 
 void BulkLink::abandon() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    settled_ = true;
+  }
   lose("was let go: the program's USB context is gone");
 }
 

@@ -124,6 +124,7 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   int under_way_ = 0;            ///< Both pipes.
   bool out_busy_ = false;
   bool gone_ = false;
+  bool settled_ = false;  ///< Gone, and nothing will come that was on its way.
   std::string gone_why_;
 };
 

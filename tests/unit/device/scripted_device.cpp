@@ -68,6 +68,9 @@ Status ScriptedDevice::write(std::span<const std::byte> bytes, TimePoint, const 
     return fail(ErrorCode::kDisconnected, "the device closed the connection", "plug it in again");
   }
   decoder_.push(bytes, [this](const protocol::Frame& frame) { on_frame(frame); });
+  if (hung_up_) {
+    return fail(ErrorCode::kDisconnected, "the device closed the connection meanwhile", "plug it in again");
+  }
   return {};
 }
 

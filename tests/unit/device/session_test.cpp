@@ -172,6 +172,20 @@ TEST_CASE("A device in use is told by name, even though it names no session and 
   CHECK(pair.host.error().what.find("lab-2") != std::string::npos);
 }
 
+TEST_CASE("The answer of a device that restarts counts, although the device was gone while it was asked") {
+  Pair pair = open_pair();
+  pair.device->script.request = [device = pair.device](const protocol::Frame& frame) {
+    if (frame.id() != protocol::MessageId::kReboot) {
+      return false;
+    }
+    device->answer_status(frame.header(), protocol::StatusCode::kOk);
+    device->hang_up();
+    return true;
+  };
+  CHECK(pair.host->reboot().has_value());
+  CHECK(pair.host->status().error().code == ErrorCode::kDisconnected);
+}
+
 TEST_CASE("A device of another wire version is told apart from a broken one") {
   SECTION("by its refusal") {
     const Pair pair = open_pair([](ScriptedDevice& device) {
