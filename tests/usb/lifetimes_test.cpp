@@ -319,3 +319,12 @@ TEST_CASE(
     check_whole(integration::run(device, pattern_recipe(3)), 3);
   }
 }
+
+TEST_CASE("A restart is answered before the instrument leaves the bus, every time") {
+  Host host;
+  for (int k = 0; k < 20; ++k) {
+    INFO("restart " << k);
+    Device device = host.open_soon();
+    REQUIRE(device.reboot().has_value());
+  }
+}

@@ -1,12 +1,9 @@
 #include "host_sdk/device/usb/bulk_link.h"
 
-#include <fcntl.h>
 #include <libusb.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstring>
-#include <new>
 #include <utility>
 
 #include "host_sdk/device/usb/bounded_call.h"
@@ -24,7 +21,6 @@ using protocol::usb::kStreamInterface;
 using protocol::usb::kStreamOpenSetting;
 using protocol::usb::kTransferBytes;
 
-constexpr int kTransferLength = static_cast<int>(kTransferBytes);
 constexpr std::size_t kFewestTransfers = 2;
 constexpr auto kStopSlice = 10ms;
 /// The kernel gives cancelled transfers back at once; a device has no say in it.
@@ -37,17 +33,6 @@ constexpr int kMostFailures = 128;
 constexpr int kMostRepeats = 3;
 
 constexpr const char* kRaiseUsbMemory = "echo 128 | sudo tee /sys/module/usbcore/parameters/usbfs_memory_mb";
-
-/// A mapping that nothing stands behind would end the program at the first touch; the kernel only refuses.
-bool backed(std::byte* memory, std::size_t size) {
-  const int zeros = ::open("/dev/zero", O_RDONLY | O_CLOEXEC);
-  if (zeros < 0) {
-    return false;
-  }
-  const bool whole = ::read(zeros, memory, size) == static_cast<ssize_t>(size);
-  ::close(zeros);
-  return whole;
-}
 
 }  // namespace
 
@@ -121,36 +106,7 @@ Status BulkLink::attach() {
 
 bool BulkLink::make_slot(Slot& slot, std::uint8_t endpoint, bool kernel_memory) {
   slot.owner = this;
-  slot.transfer = ::libusb_alloc_transfer(0);
-  if (kernel_memory) {
-    auto* const mapped = reinterpret_cast<std::byte*>(::libusb_dev_mem_alloc(handle_, kTransferBytes));
-    if (mapped != nullptr && backed(mapped, kTransferBytes)) {
-      slot.memory = mapped;
-      slot.of_kernel = true;
-    } else if (mapped != nullptr) {
-      (void)::libusb_dev_mem_free(handle_, reinterpret_cast<unsigned char*>(mapped), kTransferBytes);
-    }
-  }
-  if (slot.memory == nullptr) {
-    constexpr auto kPage = std::align_val_t(4096);
-    slot.memory = static_cast<std::byte*>(::operator new(kTransferBytes, kPage, std::nothrow));
-  }
-  if (slot.transfer == nullptr || slot.memory == nullptr) {
-    return false;
-  }
-  ::libusb_fill_bulk_transfer(slot.transfer, handle_, endpoint, reinterpret_cast<unsigned char*>(slot.memory),
-                              kTransferLength, on_complete, &slot, 0);
-  return true;
-}
-
-void BulkLink::free_slot(Slot& slot) noexcept {
-  if (slot.memory != nullptr && slot.of_kernel) {
-    (void)::libusb_dev_mem_free(handle_, reinterpret_cast<unsigned char*>(slot.memory), kTransferBytes);
-  } else if (slot.memory != nullptr) {
-    ::operator delete(slot.memory, std::align_val_t(4096));
-  }
-  ::libusb_free_transfer(slot.transfer);
-  slot = {};
+  return slot.make(handle_, endpoint, kernel_memory, on_complete, &slot);
 }
 
 Status BulkLink::start() {
@@ -194,7 +150,7 @@ int BulkLink::submit(Slot& slot) {
     const std::lock_guard lock(mutex_);
     ++under_way_;
   }
-  const int failed = ::libusb_submit_transfer(slot.transfer);
+  const int failed = ::libusb_submit_transfer(slot.transfer());
   if (failed != 0) {
     const std::lock_guard lock(mutex_);
     --under_way_;
@@ -276,17 +232,17 @@ Result<std::span<const std::byte>> BulkLink::receive(Clock::time_point deadline,
       completed_.pop_front();
     }
     judge(*slot);
-    if (slot->transfer->actual_length > 0) {
+    if (slot->transfer()->actual_length > 0) {
       lent_ = slot;
-      return std::span<const std::byte>(slot->memory,
-                                        static_cast<std::size_t>(slot->transfer->actual_length));
+      return std::span<const std::byte>(slot->memory(),
+                                        static_cast<std::size_t>(slot->transfer()->actual_length));
     }
     submit_in(*slot);
   }
 }
 
 void BulkLink::judge(const Slot& slot) {
-  switch (slot.transfer->status) {
+  switch (slot.transfer()->status) {
     case LIBUSB_TRANSFER_COMPLETED:
       failures_in_row_ = 0;
       return;
@@ -348,16 +304,16 @@ bool BulkLink::drain(Clock::time_point limit) {
 
 void BulkLink::cancel_all() noexcept {
   for (Slot& slot : in_) {
-    if (slot.transfer != nullptr) {
-      (void)::libusb_cancel_transfer(slot.transfer);  // One that is not under way is left alone.
+    if (slot.transfer() != nullptr) {
+      (void)::libusb_cancel_transfer(slot.transfer());  // One that is not under way is left alone.
     }
   }
 }
 
 int BulkLink::send_piece(std::span<const std::byte> piece, Clock::time_point deadline,
                          const std::stop_token& stop, std::size_t& sent) {
-  std::memcpy(out_.memory, piece.data(), piece.size());
-  out_.transfer->length = static_cast<int>(piece.size());
+  std::memcpy(out_.memory(), piece.data(), piece.size());
+  out_.transfer()->length = static_cast<int>(piece.size());
   {
     const std::lock_guard lock(mutex_);
     out_busy_ = true;
@@ -373,14 +329,14 @@ int BulkLink::send_piece(std::span<const std::byte> piece, Clock::time_point dea
   }
   if (out_busy_) {
     lock.unlock();
-    (void)::libusb_cancel_transfer(out_.transfer);
+    (void)::libusb_cancel_transfer(out_.transfer());
     lock.lock();
     if (!changed_.wait_until(lock, Clock::now() + kReapWithin, [this] { return !out_busy_; })) {
       return LIBUSB_TRANSFER_NO_DEVICE;  // Not the device's fault, but nothing can be sent any more.
     }
   }
-  sent = static_cast<std::size_t>(std::max(out_.transfer->actual_length, 0));
-  return out_.transfer->status;
+  sent = static_cast<std::size_t>(std::max(out_.transfer()->actual_length, 0));
+  return out_.transfer()->status;
 }
 
 Status BulkLink::write(std::span<const std::byte> bytes, Clock::time_point deadline,
@@ -470,8 +426,8 @@ void BulkLink::shut_down() noexcept {
   // Cancel, wait for the kernel to give everything back, and only then let go: a handle that is closed before
   // takes the transfers' memory with it.
   cancel_all();
-  if (out_.transfer != nullptr) {
-    (void)::libusb_cancel_transfer(out_.transfer);
+  if (out_.transfer() != nullptr) {
+    (void)::libusb_cancel_transfer(out_.transfer());
   }
   {
     std::unique_lock lock(mutex_);
@@ -487,9 +443,9 @@ void BulkLink::shut_down() noexcept {
     (void)::libusb_release_interface(handle_, kStreamInterface);
   }
   for (Slot& slot : in_) {
-    free_slot(slot);
+    slot.free();
   }
-  free_slot(out_);
+  out_.free();
   ::libusb_close(std::exchange(handle_, nullptr));
 }
 

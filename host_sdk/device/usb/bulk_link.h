@@ -19,6 +19,7 @@
 #include "host_sdk/device/transport.h"
 #include "host_sdk/device/usb/bus_scan.h"
 #include "host_sdk/device/usb/event_loop.h"
+#include "host_sdk/device/usb/transfer_slot.h"
 #include "host_sdk/error/error.h"
 
 struct libusb_device_handle;
@@ -63,12 +64,8 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   [[nodiscard]] CarrierStatistics statistics() const noexcept { return statistics_; }
 
  private:
-  /// One transfer and its memory.
-  struct Slot {
+  struct Slot : TransferSlot {
     BulkLink* owner = nullptr;
-    libusb_transfer* transfer = nullptr;
-    std::byte* memory = nullptr;
-    bool of_kernel = false;        ///< `memory` is the kernel's; else the heap's.
     std::uint32_t generation = 0;  ///< Of the pipe when it was submitted.
   };
 
@@ -76,7 +73,6 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   [[nodiscard]] Status attach();
   [[nodiscard]] Status start();
   [[nodiscard]] bool make_slot(Slot& slot, std::uint8_t endpoint, bool kernel_memory);
-  void free_slot(Slot& slot) noexcept;
   static void on_complete(libusb_transfer* transfer);
 
   /// Hands a slot of the IN pipe to the kernel; keeps it idle where that cannot be.
