@@ -31,7 +31,7 @@ class EarlierCable {
       return;
     }
     usb_->plug(UsbBusSpeed::kHigh);
-    instrument_.run_ready();  // It was switched on this very moment: let it join.
+    instrument_.run_ready();                       // It was switched on this very moment: let it join.
     constexpr std::uint8_t kSetConfiguration = 9;  // USB 2.0, table 9-4.
     constexpr std::uint8_t kSetInterface = 11;
     constexpr std::uint8_t kToInterface = 1;

@@ -16,7 +16,8 @@
 namespace scatter::firmware {
 
 /// Commands act when they arrive, whether or not anybody reads the answers: the last kAnswers of them wait
-/// for the host, older ones are dropped. RAM: 376 B on a Cortex-M7, no heap. Threads: one, that of the main loop.
+/// for the host, older ones are dropped. RAM: 376 B on a Cortex-M7, no heap. Threads: one, that of the main
+/// loop.
 class RescueEndpoints {
  public:
   static constexpr std::size_t kAnswers = 4;

@@ -40,8 +40,8 @@ struct UsbParts {
   RescueService* rescue = nullptr;  ///< Null: there is no application, DFU mode only.
 };
 
-/// RAM: 4840 B on a Cortex-M7, 4096 B of it for the data of a DFU block; no heap. Threads: one, that of the main
-/// loop.
+/// RAM: 4840 B on a Cortex-M7, 4096 B of it for the data of a DFU block; no heap. Threads: one, that of the
+/// main loop.
 class UsbDevice {
  public:
   /// Off the bus for this long before it joins in another mode [us].
