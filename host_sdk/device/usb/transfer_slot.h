@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
-struct libusb_device_handle;  // NOLINT(readability-identifier-naming): theirs
-struct libusb_transfer;       // NOLINT(readability-identifier-naming): theirs
+struct libusb_device_handle;
+struct libusb_transfer;  // NOLINT(readability-identifier-naming): theirs
 
 namespace scatter::device::usb {
 
