@@ -84,10 +84,13 @@ inline protocol::Recipe pattern_recipe(std::uint16_t frames) {
   return recipe;
 }
 
-/// Pixels of a complete pattern frame that differ from (frame * 7919 + index) mod 2^bits.
+/// Pixels of a complete pattern frame that differ from (frame * 7919 + index) mod 2^bits; all of them when it
+/// cannot be unpacked. Any thread: it states nothing to the test framework.
 inline std::size_t wrong_pixels(const device::Frame& frame) {
   std::vector<std::uint16_t> pixels(frame.pixel_count());
-  REQUIRE(device::unpack(frame, pixels).has_value());
+  if (!device::unpack(frame, pixels)) {
+    return pixels.size();
+  }
   const std::uint32_t mask = (1U << frame.begin.bits) - 1;
   std::size_t wrong = 0;
   for (std::uint32_t k = 0; k < pixels.size(); ++k) {

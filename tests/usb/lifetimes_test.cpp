@@ -257,8 +257,8 @@ TEST_CASE("A Watch that is destroyed inside its own call is not called again") {
   std::atomic<int> calls = 0;
   std::optional<device::usb::Watch> watch;
   watch.emplace(host.context().watch([&](const device::usb::Change&) {
-    ++calls;
     watch.reset();
+    ++calls;
   }));
   host.bus().unplug();
   CHECK(soon([&] { return calls == 1; }));
