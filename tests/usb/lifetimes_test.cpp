@@ -327,7 +327,7 @@ TEST_CASE("A restart is answered before the instrument leaves the bus, every tim
   host.bus().plug(second);
   for (int k = 0; k < 20; ++k) {
     INFO("restart " << k);
-    Device device = host.open_soon("usb:port=2-1");
+    Device device = host.open_soon("usb:serial=SIM-00000005");
     REQUIRE(device.reboot().has_value());
   }
   host.bus().unplug(second);
