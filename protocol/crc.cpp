@@ -19,6 +19,14 @@ namespace {
 
 constexpr std::uint32_t kPolynomial = 0x82F63B78U;  // Reflected.
 
+// Polynomials modulo P in reflected form: bit 31 is x^0.
+constexpr std::uint32_t kOne = 0x80000000U;
+constexpr std::uint32_t kX8 = 0x00800000U;
+
+constexpr std::uint32_t times_x(std::uint32_t value) noexcept {
+  return (value >> 1U) ^ ((value & 1U) != 0 ? kPolynomial : 0U);
+}
+
 // Cortex-M has little RAM and flash for tables: one of 1 KiB there, eight elsewhere.
 #if defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
 constexpr std::size_t kSlices = 1;
@@ -33,7 +41,7 @@ constexpr Tables make_tables() noexcept {
   for (std::uint32_t i = 0; i < 256; ++i) {
     std::uint32_t crc = i;
     for (int bit = 0; bit < 8; ++bit) {
-      crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? kPolynomial : 0U);
+      crc = times_x(crc);
     }
     tables[0][i] = crc;
   }
@@ -48,7 +56,39 @@ constexpr Tables make_tables() noexcept {
 
 constexpr Tables kTables = make_tables();
 
+constexpr std::uint32_t product(std::uint32_t a, std::uint32_t b) noexcept {
+  std::uint32_t sum = 0;
+  for (; b != 0; b <<= 1U) {
+    sum ^= (b & kOne) != 0 ? a : 0U;
+    a = times_x(a);
+  }
+  return sum;
+}
+
 }  // namespace
+
+Crc32cConcat::Crc32cConcat(std::size_t second_bytes) noexcept : second_bytes_(second_bytes) {
+  std::uint32_t power = kX8;
+  for (; second_bytes != 0; second_bytes >>= 1U) {
+    if ((second_bytes & 1U) != 0) {
+      factor_ = product(power, factor_);
+    }
+    power = product(power, power);
+  }
+}
+
+std::uint32_t Crc32cConcat::operator()(std::uint32_t first, std::uint32_t second) const noexcept {
+  return product(factor_, first) ^ second;
+}
+
+std::uint32_t TailCrc::append(std::uint32_t crc, std::span<const std::byte> payload, std::uint32_t payload_crc,
+                              std::size_t tail_bytes) noexcept {
+  if (concat_.second_bytes() != tail_bytes) {
+    concat_ = Crc32cConcat(tail_bytes);
+  }
+  const std::uint32_t head = crc32c(payload.first(payload.size() - tail_bytes));
+  return concat_(crc, concat_(head, payload_crc));
+}
 
 std::uint32_t crc32c_table(std::span<const std::byte> bytes, std::uint32_t seed) noexcept {
   std::uint32_t crc = ~seed;
@@ -75,11 +115,10 @@ std::uint32_t crc32c_table(std::span<const std::byte> bytes, std::uint32_t seed)
 
 namespace {
 
-/// x^power mod P in reflected form: bit 31 is x^0.
 constexpr std::uint32_t x_to_the(std::size_t power) noexcept {
-  std::uint32_t value = 0x80000000U;
+  std::uint32_t value = kOne;
   for (std::size_t i = 0; i < power; ++i) {
-    value = (value >> 1U) ^ ((value & 1U) != 0 ? kPolynomial : 0U);
+    value = times_x(value);
   }
   return value;
 }
@@ -103,8 +142,8 @@ template <std::size_t Lane>
 __attribute__((target("sse4.2,pclmul"))) inline std::uint64_t three_lanes(const std::byte*& at,
                                                                           std::size_t& left,
                                                                           std::uint64_t crc) noexcept {
-  constexpr std::uint32_t kTwo = shift_factor(2 * Lane);
-  constexpr std::uint32_t kOne = shift_factor(Lane);
+  constexpr std::uint32_t kByTwo = shift_factor(2 * Lane);
+  constexpr std::uint32_t kByOne = shift_factor(Lane);
   while (left >= 3 * Lane) {
     std::uint64_t second = 0;
     std::uint64_t third = 0;
@@ -113,7 +152,7 @@ __attribute__((target("sse4.2,pclmul"))) inline std::uint64_t three_lanes(const 
       second = _mm_crc32_u64(second, load_le<std::uint64_t>(at + Lane + i));
       third = _mm_crc32_u64(third, load_le<std::uint64_t>(at + 2 * Lane + i));
     }
-    crc = shift(crc, kTwo) ^ shift(second, kOne) ^ third;
+    crc = shift(crc, kByTwo) ^ shift(second, kByOne) ^ third;
     at += 3 * Lane;
     left -= 3 * Lane;
   }

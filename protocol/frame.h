@@ -23,6 +23,7 @@
 #include <span>
 
 #include "protocol/codec.h"
+#include "protocol/endian.h"
 #include "protocol/messages.h"
 
 namespace scatter::protocol {
@@ -64,6 +65,10 @@ class Frame {
   [[nodiscard]] MessageId id() const noexcept { return header_.id(); }
   [[nodiscard]] std::span<const std::byte> payload() const noexcept {
     return bytes_.subspan(kHeaderBytes, header_.payload_length);
+  }
+  /// The CRC-32C of payload().
+  [[nodiscard]] std::uint32_t payload_crc() const noexcept {
+    return load_le<std::uint32_t>(bytes_.data() + kHeaderBytes + header_.payload_length);
   }
   /// Header, payload and trailer as they came.
   [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return bytes_; }

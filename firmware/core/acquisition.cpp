@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "protocol/crc.h"
+#include "protocol/endian.h"
 
 namespace scatter::firmware {
 namespace {
@@ -369,7 +369,6 @@ bool Acquisition::send_band(std::span<std::byte> slot) noexcept {
     }
   }
   const std::span<const std::byte> sent = data.first(bytes);
-  frame_crc_ = protocol::crc32c(sent, frame_crc_);
   const protocol::FrameData chunk{.run_id = report_.run_id,
                                   .frame_id = begin_.frame_id,
                                   .offset = sent_bytes_,
@@ -377,7 +376,11 @@ bool Acquisition::send_band(std::span<std::byte> slot) noexcept {
                                   .data = sent};
   sent_bytes_ += static_cast<std::uint32_t>(bytes);
   end_in_slot_ = false;
-  output_.submit_stream(protocol::write_message(slot, output_.stream_header(), chunk));
+  const std::size_t whole = protocol::write_message(slot, output_.stream_header(), chunk);
+  frame_crc_ = tail_crc_.append(
+      frame_crc_, slot.subspan(protocol::kHeaderBytes, whole - protocol::kFrameOverhead),
+      protocol::load_le<std::uint32_t>(slot.data() + whole - protocol::kTrailerBytes), bytes);
+  output_.submit_stream(whole);
   return true;
 }
 

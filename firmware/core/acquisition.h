@@ -17,6 +17,7 @@
 #include "firmware/core/shot_sequence.h"
 #include "firmware/core/step.h"
 #include "firmware/ports/ports.h"
+#include "protocol/crc.h"
 #include "protocol/session.h"
 
 namespace scatter::firmware {
@@ -113,6 +114,7 @@ class Acquisition {
   std::uint16_t flags_ = 0;
   std::uint32_t sent_bytes_ = 0;
   std::uint32_t frame_crc_ = 0;
+  protocol::TailCrc tail_crc_;
   std::uint16_t rows_read_ = 0;
   std::size_t band_first_ = 0;  // Pixels of the band not yet packed: [band_first_, band_end_).
   std::size_t band_end_ = 0;

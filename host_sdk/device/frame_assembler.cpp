@@ -25,7 +25,7 @@ struct FrameAssembler::Open {
   std::optional<std::uint32_t> total;
   std::shared_ptr<std::byte[]> pixels;
   std::vector<ByteRange> filled;  ///< Ascending, neither touching nor overlapping.
-  std::uint32_t crc = 0;          ///< Of the first `crc_until` bytes, taken while they are in the cache.
+  std::uint32_t crc = 0;          ///< Of the first `crc_until` bytes, from the chunks' checksums.
   std::uint32_t crc_until = 0;
   bool whole = false;
 
@@ -119,7 +119,7 @@ void FrameAssembler::accept(const protocol::Frame& wire, std::uint64_t host_time
         return;
       }
       open->total = message->total;
-      place(*open, *message);
+      place(*open, *message, wire);
       break;
     }
     case protocol::MessageId::kFrameEnd: {
@@ -151,7 +151,7 @@ void FrameAssembler::accept(const protocol::Frame& wire, std::uint64_t host_time
   settle_if_whole(*open);
 }
 
-void FrameAssembler::place(Open& frame, const protocol::FrameData& data) {
+void FrameAssembler::place(Open& frame, const protocol::FrameData& data, const protocol::Frame& wire) {
   const std::uint32_t begin = data.offset;
   const auto end = static_cast<std::uint32_t>(begin + data.data.size());
   if (begin == end) {
@@ -177,7 +177,7 @@ void FrameAssembler::place(Open& frame, const protocol::FrameData& data) {
       filled.back().end = end;
     }
     if (frame.crc_until == begin) {
-      frame.crc = protocol::crc32c(data.data, frame.crc);
+      frame.crc = tail_crc_.append(frame.crc, wire.payload(), wire.payload_crc(), data.data.size());
       frame.crc_until = end;
     }
     return;

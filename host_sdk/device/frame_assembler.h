@@ -11,6 +11,7 @@
 
 #include "host_sdk/device/frame.h"
 #include "host_sdk/device/pixel_pool.h"
+#include "protocol/crc.h"
 #include "protocol/frame.h"
 
 namespace scatter::device {
@@ -78,7 +79,7 @@ class FrameAssembler {
   struct Open;
   [[nodiscard]] bool of_this_run(std::uint32_t run_id) noexcept;
   [[nodiscard]] Open* find_or_open(std::uint32_t frame_id);
-  void place(Open& frame, const protocol::FrameData& data);
+  void place(Open& frame, const protocol::FrameData& data, const protocol::Frame& wire);
   void settle_if_whole(Open& frame);
   void settle_front();
   void advance();
@@ -86,6 +87,7 @@ class FrameAssembler {
   std::shared_ptr<PixelPool> pool_;
   AssemblerLimits limits_;
   AssemblerCounters counters_;
+  protocol::TailCrc tail_crc_;
   std::deque<std::unique_ptr<Open>> open_;  ///< Rising frame id.
   std::deque<Frame> ready_;
   std::uint32_t settled_until_ = 0;

@@ -46,5 +46,32 @@ TEST_CASE("CRC-32C of two pieces chained is the CRC-32C of the whole") {
   }
 }
 
+TEST_CASE("CRC-32C of two pieces put together is the CRC-32C of the whole") {
+  std::mt19937 random(4);
+  const Bytes bytes = random_bytes(random, 70000);
+  const std::span<const std::byte> all(bytes);
+  for (const std::size_t second : {0, 1, 2, 3, 255, 256, 16368, 65535, 65536, 70000}) {
+    const Crc32cConcat concat(second);
+    const std::uint32_t a = crc32c(all.first(all.size() - second));
+    const std::uint32_t b = crc32c(all.last(second));
+    CHECK(concat.second_bytes() == second);
+    CHECK(concat(a, b) == crc32c(all));
+    CHECK(concat(a, crc32c(all)) == b);
+  }
+}
+
+TEST_CASE("CRC-32C of the tails of a row of messages follows from their payloads' checksums") {
+  std::mt19937 random(5);
+  TailCrc tails;
+  std::uint32_t crc = 0;
+  Bytes carried;
+  for (const std::size_t tail : {4000, 4000, 0, 1, 4000, 17}) {
+    const Bytes payload = random_bytes(random, 16 + tail);
+    crc = tails.append(crc, payload, crc32c(payload), tail);
+    append(carried, std::span(payload).last(tail));
+    CHECK(crc == crc32c(carried));
+  }
+}
+
 }  // namespace
 }  // namespace scatter::protocol::test
