@@ -99,7 +99,7 @@ Session::Session(std::unique_ptr<Transport> transport, const OpenOptions& option
       nonce_(options.nonce.value_or(nonce_from(transport_->system_time_unix_ns()))),
       decoder_buffer_(protocol::kMaxFrameBytes),
       decoder_(decoder_buffer_),
-      last_byte_(transport_->now()) {
+      arrived_(transport_->now()) {
   reply_.reserve(protocol::kMaxPayload);
 }
 
@@ -257,8 +257,8 @@ Status Session::pump(TimePoint until, const std::stop_token& stop) {
   const Result<std::span<const std::byte>> got = transport_->receive(slice, stop);
   if (!got) {
     if (got.error().code == ErrorCode::kDeadlineExceeded && decoder_.buffered() != 0 &&
-        now() - last_byte_ >= kFramePatience) {
-      batch_time_unix_ns_ = transport_->system_time_unix_ns();
+        now() - arrived_ >= kFramePatience) {
+      note_arrival();
       decoder_.give_up(deliver);
     }
     if (got.error().code == ErrorCode::kDisconnected) {
@@ -266,9 +266,8 @@ Status Session::pump(TimePoint until, const std::stop_token& stop) {
     }
     return std::unexpected(got.error());
   }
-  last_byte_ = now();
+  note_arrival();
   bytes_ += got->size();
-  batch_time_unix_ns_ = transport_->system_time_unix_ns();
   decoder_.push(*got, deliver, [this](const protocol::FrameHeader& header, protocol::ParseStatus status) {
     if (saying_hello_ && status == protocol::ParseStatus::kBadVersion &&
         header.channel == protocol::Channel::kControl) {
@@ -276,6 +275,11 @@ Status Session::pump(TimePoint until, const std::stop_token& stop) {
     }
   });
   return {};
+}
+
+void Session::note_arrival() {
+  arrived_ = now();
+  arrived_unix_ns_ = transport_->system_time_unix_ns();
 }
 
 void Session::on_frame(const protocol::Frame& frame) {
@@ -304,7 +308,7 @@ void Session::on_frame(const protocol::Frame& frame) {
       break;
     case protocol::Channel::kStream:
       if (sink_ != nullptr) {
-        sink_->on_stream(frame, batch_time_unix_ns_);
+        sink_->on_stream(frame, arrived_unix_ns_);
       } else {
         ++stale_;
       }
@@ -346,7 +350,7 @@ void Session::on_control(const protocol::Frame& frame) {
   reply_id_ = header.id();
   reply_.assign(frame.payload().begin(), frame.payload().end());
   if (sink_ != nullptr && (header.id() == MessageId::kStarted || header.id() == MessageId::kRunReport)) {
-    sink_->on_message(frame, batch_time_unix_ns_);
+    sink_->on_message(frame, arrived_unix_ns_);
   }
 }
 
@@ -365,7 +369,7 @@ void Session::on_event(const protocol::Frame& frame) {
     events_.push_back(std::move(event));
   }
   if (sink_ != nullptr) {
-    sink_->on_message(frame, batch_time_unix_ns_);
+    sink_->on_message(frame, arrived_unix_ns_);
   }
 }
 

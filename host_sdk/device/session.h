@@ -63,6 +63,8 @@ class Session {
   [[nodiscard]] const protocol::HelloReply& hello() const noexcept { return hello_; }
   [[nodiscard]] Transport& transport() noexcept { return *transport_; }
   [[nodiscard]] TimePoint now() const { return transport_->now(); }
+  /// When the bytes that are, or were last, handed around had come; costs no look at the clock.
+  [[nodiscard]] TimePoint arrived() const noexcept { return arrived_; }
 
   /// Sends a request and waits for its reply. A view in the reply is valid until the next call.
   template <typename Reply, typename Request>
@@ -138,6 +140,7 @@ class Session {
   /// The status in reply_; nullopt when it is another message or unreadable.
   [[nodiscard]] std::optional<protocol::StatusReply> held_status() const;
   [[nodiscard]] bool holds_pending() const;
+  void note_arrival();
   void on_frame(const protocol::Frame& frame);
   void on_control(const protocol::Frame& frame);
   void on_event(const protocol::Frame& frame);
@@ -167,8 +170,8 @@ class Session {
   std::optional<std::uint8_t> other_major_;  ///< Frames of this wire major came as answers to HELLO.
   std::vector<std::byte> reply_;
 
-  std::uint64_t batch_time_unix_ns_ = 0;
-  TimePoint last_byte_{};
+  TimePoint arrived_{};
+  std::uint64_t arrived_unix_ns_ = 0;
   std::uint64_t bytes_ = 0;
   std::uint64_t stale_ = 0;
   std::uint64_t copied_bytes_ = 0;

@@ -97,7 +97,7 @@ void Stream::State::record(const protocol::Frame& frame, std::uint64_t host_time
 }
 
 void Stream::State::on_stream(const protocol::Frame& frame, std::uint64_t host_time_unix_ns) {
-  last_activity_ = session_->now();
+  last_activity_ = session_->arrived();
   record(frame, host_time_unix_ns);
   assembler_.accept(frame, host_time_unix_ns);
   catch_up_ = 0;
@@ -200,7 +200,12 @@ Result<std::optional<Frame>> Stream::State::next(const Wait& wait) {
       }
       continue;
     }
-    const Status pumped = session_->pump(std::min(deadline, now + kSlice), wait.stop);
+    // While bytes keep coming nothing above is due before the slice ends, a frame is there or the run is over.
+    const TimePoint slice = std::min(deadline, now + kSlice);
+    Status pumped;
+    do {
+      pumped = session_->pump(slice, wait.stop);
+    } while (pumped && assembler_.ready() == 0 && !report_ && !recorder_error_ && session_->arrived() < slice);
     if (!pumped && pumped.error().code == ErrorCode::kDisconnected) {
       broken_ = pumped.error();
       finish();

@@ -39,7 +39,10 @@ constexpr const char* kRaiseUsbMemory = "echo 128 | sudo tee /sys/module/usbcore
 BulkLink::BulkLink(std::shared_ptr<EventLoop> loop, BusEntry entry, int transfers)
     : loop_(std::move(loop)),
       entry_(std::move(entry)),
-      in_(static_cast<std::size_t>(std::clamp(transfers, 16, 64)) + 1) {}
+      in_(static_cast<std::size_t>(std::clamp(transfers, 16, 64)) + 1) {
+  taken_.reserve(in_.size());
+  completed_.reserve(in_.size());
+}
 
 BulkLink::~BulkLink() {
   shut_down();
@@ -178,13 +181,17 @@ void BulkLink::submit_in(Slot& slot) {
 void BulkLink::on_complete(libusb_transfer* transfer) {
   auto* const slot = static_cast<Slot*>(transfer->user_data);
   BulkLink& link = *slot->owner;
-  // Told with the lock held: whoever waits for the last one may destroy the link right after.
-  const std::lock_guard lock(link.mutex_);
+  std::unique_lock lock(link.mutex_);
   --link.under_way_;
   if (slot == &link.out_) {
     link.out_busy_ = false;
   } else {
     link.completed_.push_back(slot);
+  }
+  // Whoever waits for the last one may destroy the link right after, so that is told with the lock held; as long
+  // as others are under way the link stays, and who wakes need not wait for the lock.
+  if (link.under_way_ != 0) {
+    lock.unlock();
   }
   link.changed_.notify_all();
 }
@@ -204,32 +211,12 @@ Result<std::span<const std::byte>> BulkLink::receive(Clock::time_point deadline,
     if (halted_ && !gone()) {
       restart_in();
     }
-    Slot* slot = nullptr;
-    {
-      std::unique_lock lock(mutex_);
-      if (completed_.empty()) {
-        const auto now = Clock::now();
-        if (gone_) {
-          // A refused transfer tells of the end before the kernel has given back what came earlier.
-          if (!settled_ &&
-              changed_.wait_until(lock, now + kReapWithin,
-                                  [this] { return !completed_.empty() || under_way_ == 0; }) &&
-              !completed_.empty()) {
-            continue;
-          }
-          settled_ = true;
-          lock.unlock();
-          return disconnected();
-        }
-        if (now >= deadline) {
-          return fail(ErrorCode::kDeadlineExceeded, label(entry_) + ": nothing came in time",
-                      "check that the device has power and the cable is good, then try again");
-        }
-        changed_.wait_until(lock, std::min(deadline, now + kStopSlice));
-        continue;
+    Slot* const slot = next_completed();
+    if (slot == nullptr) {
+      if (const Status waited = wait_for_completed(deadline); !waited) {
+        return std::unexpected(waited.error());
       }
-      slot = completed_.front();
-      completed_.pop_front();
+      continue;
     }
     judge(*slot);
     if (slot->transfer()->actual_length > 0) {
@@ -239,6 +226,40 @@ Result<std::span<const std::byte>> BulkLink::receive(Clock::time_point deadline,
     }
     submit_in(*slot);
   }
+}
+
+BulkLink::Slot* BulkLink::next_completed() {
+  if (next_taken_ == taken_.size()) {
+    taken_.clear();
+    next_taken_ = 0;
+    const std::lock_guard lock(mutex_);
+    std::swap(taken_, completed_);
+  }
+  return next_taken_ == taken_.size() ? nullptr : taken_[next_taken_++];
+}
+
+Status BulkLink::wait_for_completed(Clock::time_point deadline) {
+  std::unique_lock lock(mutex_);
+  const auto some = [this] { return !completed_.empty(); };
+  const auto now = Clock::now();
+  if (gone_) {
+    // A refused transfer tells of the end before the kernel has given back what came earlier.
+    if (!settled_) {
+      changed_.wait_until(lock, now + kReapWithin, [&] { return some() || under_way_ == 0; });
+    }
+    if (some()) {
+      return {};
+    }
+    settled_ = true;
+    lock.unlock();
+    return disconnected();
+  }
+  if (!some() && now >= deadline) {
+    return fail(ErrorCode::kDeadlineExceeded, label(entry_) + ": nothing came in time",
+                "check that the device has power and the cable is good, then try again");
+  }
+  changed_.wait_until(lock, std::min(deadline, now + kStopSlice), [&] { return some() || gone_; });
+  return {};
 }
 
 void BulkLink::judge(const Slot& slot) {

@@ -8,7 +8,6 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -75,6 +74,11 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   [[nodiscard]] bool make_slot(Slot& slot, std::uint8_t endpoint, bool kernel_memory);
   static void on_complete(libusb_transfer* transfer);
 
+  /// The oldest completed slot that was not looked at; null: none. Takes all that there are at once, so that
+  /// the two threads meet once a batch.
+  [[nodiscard]] Slot* next_completed();
+  /// Until there is one, a stop request may have to be looked for, or the device is gone. Errors  as receive().
+  [[nodiscard]] Status wait_for_completed(Clock::time_point deadline);
   /// Hands a slot of the IN pipe to the kernel; keeps it idle where that cannot be.
   void submit_in(Slot& slot);
   [[nodiscard]] int submit(Slot& slot);
@@ -103,6 +107,8 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   std::vector<Slot> in_;  ///< One more than asked for: one is lent while the others are under way.
   Slot out_;
   std::vector<Slot*> idle_;
+  std::vector<Slot*> taken_;    ///< Completed, oldest first; of these `next_taken_` were looked at.
+  std::size_t next_taken_ = 0;
   Slot* lent_ = nullptr;
   bool halted_ = false;
   std::uint32_t generation_ = 0;
@@ -116,7 +122,7 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   // Shared with the event thread.
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<Slot*> completed_;  ///< Oldest first.
+  std::vector<Slot*> completed_;  ///< Oldest first.
   int under_way_ = 0;            ///< Both pipes.
   bool out_busy_ = false;
   bool gone_ = false;
