@@ -2,7 +2,10 @@
 #include <atomic>
 #include <mutex>
 
+#include "host_sdk/device/uri.h"
 #include "host_sdk/device/usb/bus_scan.h"
+#include "protocol/frame.h"
+#include "protocol/schema_description.h"
 #include "tests/usb/child.h"
 #include "tests/usb/rig.h"
 
@@ -331,4 +334,41 @@ TEST_CASE("A restart is answered before the instrument leaves the bus, every tim
     REQUIRE(device.reboot().has_value());
   }
   host.bus().unplug(second);
+}
+
+TEST_CASE("What the device sent before it left is received, however late the kernel gives it back") {
+  Host host;
+  const auto uri = device::parse_uri("usb:");
+  const device::Wait wait;
+  auto transport = host.context().open(*uri, wait);
+  REQUIRE(transport.has_value());
+  std::vector<std::byte> out(protocol::kMaxFrameBytes);
+  const auto ask = [&](const auto& message) {
+    const std::size_t size =
+        protocol::write_message(std::span(out), {.session = 77, .correlation = 1}, message);
+    REQUIRE(
+        (*transport)->write(std::span(out).first(size), (*transport)->now() + wait.timeout, {}).has_value());
+  };
+  const auto receive = [&] { return (*transport)->receive((*transport)->now() + wait.timeout, {}); };
+  ask(protocol::Hello{.schema_digest = protocol::schema_digest()});
+  REQUIRE(
+      receive().has_value());  // Its memory is handed in again by the next call, which the kernel refuses.
+  const std::uint64_t before = host.bus().statistics()["bytes_in"];
+  host.bus().hold_received(true);
+  ask(protocol::GetStatus{});
+  REQUIRE(soon([&] { return host.bus().statistics()["bytes_in"] > before; }));
+  host.bus().unplug();
+  const std::jthread kernel([] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    BusControl().hold_received(false);
+  });
+  const auto last = receive();
+  REQUIRE(last.has_value());
+  const auto parsed = protocol::parse_frame(*last);
+  REQUIRE(parsed.frame.has_value());
+  CHECK(parsed.frame->as<protocol::DeviceStatus>().has_value());
+  const auto after = receive();
+  REQUIRE_FALSE(after.has_value());
+  CHECK(after.error().code == ErrorCode::kDisconnected);
+  host.bus().plug();
 }

@@ -135,6 +135,23 @@ TEST_CASE("Bytes that come right behind SET_INTERFACE are not lost") {
   CHECK(board.instrument->session_open());
 }
 
+TEST_CASE("A restart waits until the host has taken its answer") {
+  UsbBoard board;
+  UsbHost usb(board);
+  usb.attach();
+  usb.host.hello();
+  usb.reading = false;
+  const std::uint16_t correlation = usb.host.send(scatter::protocol::Reboot{});
+  usb.host.run_for(100'000);
+  REQUIRE(board.bus.waiting(0x81) > 0);
+  CHECK(board.board.keeper.reboots == 0);
+  usb.reading = true;
+  usb.host.run_for(100'000);
+  CHECK(usb.host.final_reply(correlation)->as<scatter::protocol::StatusReply>().status ==
+        scatter::protocol::StatusCode::kOk);
+  CHECK(board.board.keeper.reboots == 1);
+}
+
 // PROVES: SPEC 11.5
 TEST_CASE("A halted bulk endpoint holds the stream, and clearing it goes on with the next frame") {
   UsbBoard board;

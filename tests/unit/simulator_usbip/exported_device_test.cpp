@@ -144,6 +144,16 @@ TEST_CASE("Transfers end with the status that Linux expects of each outcome") {
   CHECK(held.said() == std::vector<Said>{{kRetSubmit, 7, status, 0, 0}});
 }
 
+TEST_CASE("What is complete is replied to without a turn of the device in between") {
+  Held held;
+  held.submit(1, 0x81, 512);
+  held.port.complete(held.id(1), UsbOutcome::kDone, std::vector<std::byte>(100));
+  const auto reply = held.device.next_reply();
+  REQUIRE(reply.has_value());
+  CHECK(field(*reply, 4) == 1);
+  CHECK(reply->data.size() == 100);
+}
+
 TEST_CASE("A short transfer is an error only where the host said so") {
   Held held;
   held.submit(1, 0x81, 512, false);

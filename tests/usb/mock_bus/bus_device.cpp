@@ -220,8 +220,8 @@ void BusDevice::drop_interface(UsbfsFile& file, std::uint8_t interface) {
 }
 
 void BusDevice::update_readiness() {
-  node_.set_writable(
-      std::any_of(files_.begin(), files_.end(), [](const UsbfsFile& file) { return !file.done.empty(); }));
+  node_.set_writable(std::any_of(files_.begin(), files_.end(),
+                                 [this](UsbfsFile& file) { return ready_urb(file) != file.done.end(); }));
 }
 
 void BusDevice::add_waits(std::vector<pollfd>& files) const {
@@ -255,8 +255,17 @@ void BusDevice::leave() {
     testbed_.remove(interface);
   }
   testbed_.remove(entry_);
-  node_.hang_up();
+  if (!conditions_.hold_received) {
+    node_.hang_up();
+  }
   testbed_.announce(entry_, "remove");
+}
+
+void BusDevice::release_received() {
+  update_readiness();
+  if (gone_) {
+    node_.hang_up();
+  }
 }
 
 bool BusDevice::finished() const noexcept {

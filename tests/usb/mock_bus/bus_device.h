@@ -26,6 +26,7 @@ struct BusConditions {
   bool hid_driver = true;                   ///< The kernel has usbhid.
   int garble = -1;                          ///< >= 0: the descriptors that programs read are cut there.
   std::uint32_t scramble = 0;               ///< != 0: seed of random bytes in their place.
+  bool hold_received = false;               ///< What devices sent, and that they have left, is told late.
 };
 
 class BusDevice final : public FileHandler {
@@ -55,6 +56,8 @@ class BusDevice final : public FileHandler {
   [[nodiscard]] bool program_is_slow() const;
   [[nodiscard]] std::size_t under_way() const;
   void set_access(bool allowed);
+  /// What the conditions held back is given to programs.
+  void release_received();
   /// Another program of the test's imagination holds this interface, or no longer.
   void hold_by_other(std::uint8_t interface, bool held);
   [[nodiscard]] const Place& place() const noexcept { return place_; }
@@ -96,6 +99,8 @@ class BusDevice final : public FileHandler {
   [[nodiscard]] int disconnect(std::uint8_t interface);
   void control_later(UsbfsFile& file, const Setup& setup, std::function<void()> then = {});
   [[nodiscard]] bool used_unclaimed(UsbfsFile& file, std::uint8_t interface);
+  /// The oldest finished transfer that a program may have now.
+  [[nodiscard]] std::deque<Urb>::iterator ready_urb(UsbfsFile& file) const;
   void take_urb(UsbfsFile& file, std::uint64_t id, simulator::UsbCompletion& completion);
 
   Testbed& testbed_;

@@ -137,6 +137,13 @@ std::string MockBus::request(const std::string& line) {
           each->device()->set_access(conditions_.access);
         }
       }
+    } else if (verb == "hold_received") {
+      conditions_.hold_received = number(1) != 0;
+      if (!conditions_.hold_received) {
+        for (const auto& each : slots_) {
+          each->release_received();
+        }
+      }
     } else if (verb == "hold") {
       BusDevice& held = device();
       const auto interface = static_cast<std::uint8_t>(number(0));

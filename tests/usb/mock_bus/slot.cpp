@@ -97,6 +97,15 @@ bool Slot::serve() {
   return did;
 }
 
+void Slot::release_received() {
+  if (device_ != nullptr) {
+    device_->release_received();
+  }
+  for (const auto& left : left_) {
+    left->release_received();
+  }
+}
+
 void Slot::add_waits(std::vector<pollfd>& files) const {
   if (device_ != nullptr) {
     device_->add_waits(files);

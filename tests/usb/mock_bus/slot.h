@@ -29,6 +29,8 @@ class Slot {
   /// Everything that the device and its host can do now.
   void run();
   bool serve();
+  /// What the conditions held back is given to programs.
+  void release_received();
   void add_waits(std::vector<pollfd>& files) const;
   /// How long nothing happens here by itself [us]. Then call passed().
   [[nodiscard]] std::uint64_t wait_us();

@@ -234,14 +234,21 @@ void BusDevice::take_urb(UsbfsFile& file, std::uint64_t id, UsbCompletion& compl
   update_readiness();
 }
 
+std::deque<Urb>::iterator BusDevice::ready_urb(UsbfsFile& file) const {
+  return std::find_if(file.done.begin(), file.done.end(), [this](const Urb& urb) {
+    return !conditions_.hold_received || (urb.endpoint & 0x80U) == 0;
+  });
+}
+
 void BusDevice::reap(UsbfsFile& file, const Call& call) {
-  if (file.done.empty()) {
+  const auto ready = ready_urb(file);
+  if (ready == file.done.end()) {
     ++tally_.empty_reaps;
-    answer_status(file, gone_ ? -ENODEV : -EAGAIN);
+    answer_status(file, gone_ && file.done.empty() ? -ENODEV : -EAGAIN);
     return;
   }
-  const Urb urb = std::move(file.done.front());
-  file.done.pop_front();
+  const Urb urb = std::move(*ready);
+  file.done.erase(ready);
   ++tally_.reaped;
   file.told_gone = file.told_gone || urb.status == -ESHUTDOWN;
   Caller& caller = *file.caller;
