@@ -23,6 +23,8 @@ using std::chrono::milliseconds;
 constexpr milliseconds kPatience{250};
 /// A lost status report is made up for by the feature report this often.
 constexpr milliseconds kButtonCheck{1000};
+constexpr const char* kSameRelease =
+    "bring both to one release: scatter flash for the firmware, your package manager for this program";
 
 SteadyTime deadline_of(const Wait& wait) {
   // A caller may pass the largest duration there is.
@@ -182,12 +184,11 @@ Result<protocol::RescueStatus> RescueChannel::State::feature_status(SteadyTime d
   }
   const auto status = report ? protocol::decode_rescue_status(*report) : std::nullopt;
   if (!status) {
-    return fail(
-        ErrorCode::kUnavailable,
-        report ? who + " gave a feature report that is no status of version " +
-                     std::to_string(protocol::kRescueVersion)
-               : who + " answers neither on its interrupt pipe nor on its control pipe",
-        report ? "update the older side: host software or firmware" : "unplug it and plug it in again");
+    return fail(ErrorCode::kUnavailable,
+                report ? who + " gave a feature report that is no status of version " +
+                             std::to_string(protocol::kRescueVersion)
+                       : who + " answers neither on its interrupt pipe nor on its control pipe",
+                report ? kSameRelease : "unplug it and plug it in again");
   }
   return *status;
 }
@@ -290,7 +291,7 @@ Result<protocol::FaultRecord> RescueChannel::fault_record(const Wait& wait) {
     return fail(
         ErrorCode::kDataLoss,
         state_->who + ": the fault record of " + std::to_string(bytes.size()) + " bytes cannot be read",
-        "update the older side: host software or firmware");
+        kSameRelease);
   }
   return *record;
 }
