@@ -61,6 +61,8 @@ class BusControl {
   }
   /// The kernel is slow to give back what devices send: it keeps that until it is told otherwise.
   void hold_received(bool held) { ask(held ? "hold_received 1" : "hold_received 0"); }
+  /// The kernel is slow to tell what became of transfers to devices, also of cancelled ones.
+  void hold_sent(bool held) { ask(held ? "hold_sent 1" : "hold_sent 0"); }
   /// The limit of usbfs for transfers under way; usbfs_memory_mb shows it rounded up.
   void set_memory(int bytes) { ask("memory " + std::to_string(bytes)); }
   /// Descriptors of devices to come are cut to so many bytes; -1: whole again.

@@ -372,3 +372,18 @@ TEST_CASE("What the device sent before it left is received, however late the ker
   CHECK(after.error().code == ErrorCode::kDisconnected);
   host.bus().plug();
 }
+
+TEST_CASE("A request that the bus is slow to carry is late, and the instrument is used as before") {
+  Host host;
+  Device device = host.open();
+  host.bus().hold_sent(true);
+  const auto late = device.status({.timeout = std::chrono::milliseconds(300), .stop = {}});
+  REQUIRE_FALSE(late.has_value());
+  CHECK(late.error().code == ErrorCode::kDeadlineExceeded);
+  const auto later = device.status({.timeout = std::chrono::milliseconds(100), .stop = {}});
+  REQUIRE_FALSE(later.has_value());
+  CHECK(later.error().code == ErrorCode::kDeadlineExceeded);
+  host.bus().hold_sent(false);
+  CHECK(device.status().has_value());
+  check_whole(integration::run(device, pattern_recipe(3)), 3);
+}

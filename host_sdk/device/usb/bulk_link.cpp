@@ -188,8 +188,8 @@ void BulkLink::on_complete(libusb_transfer* transfer) {
   } else {
     link.completed_.push_back(slot);
   }
-  // Whoever waits for the last one may destroy the link right after, so that is told with the lock held; as long
-  // as others are under way the link stays, and who wakes need not wait for the lock.
+  // Whoever waits for the last one may destroy the link right after, so that is told with the lock held; as
+  // long as others are under way the link stays, and who wakes need not wait for the lock.
   if (link.under_way_ != 0) {
     lock.unlock();
   }
@@ -333,6 +333,9 @@ void BulkLink::cancel_all() noexcept {
 
 int BulkLink::send_piece(std::span<const std::byte> piece, Clock::time_point deadline,
                          const std::stop_token& stop, std::size_t& sent) {
+  if (!wait_for_out(deadline, stop)) {
+    return LIBUSB_TRANSFER_TIMED_OUT;
+  }
   std::memcpy(out_.memory(), piece.data(), piece.size());
   out_.transfer()->length = static_cast<int>(piece.size());
   {
@@ -344,20 +347,23 @@ int BulkLink::send_piece(std::span<const std::byte> piece, Clock::time_point dea
     out_busy_ = false;
     return failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR;
   }
-  std::unique_lock lock(mutex_);
-  while (out_busy_ && !gone_ && !stop.stop_requested() && Clock::now() < deadline) {
-    changed_.wait_until(lock, std::min(deadline, Clock::now() + kStopSlice));
-  }
-  if (out_busy_) {
-    lock.unlock();
+  if (!wait_for_out(deadline, stop)) {
     (void)::libusb_cancel_transfer(out_.transfer());
-    lock.lock();
-    if (!changed_.wait_until(lock, Clock::now() + kReapWithin, [this] { return !out_busy_; })) {
-      return LIBUSB_TRANSFER_NO_DEVICE;  // Not the device's fault, but nothing can be sent any more.
+    // A bus over a network asks its far end first; until it has answered the transfer is under way.
+    if (!wait_for_out(Clock::now() + kReapWithin, {})) {
+      return gone() ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_TIMED_OUT;
     }
   }
   sent = static_cast<std::size_t>(std::max(out_.transfer()->actual_length, 0));
   return out_.transfer()->status;
+}
+
+bool BulkLink::wait_for_out(Clock::time_point deadline, const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (out_busy_ && !gone_ && !stop.stop_requested() && Clock::now() < deadline) {
+    changed_.wait_until(lock, std::min(deadline, Clock::now() + kStopSlice));
+  }
+  return !out_busy_;
 }
 
 Status BulkLink::write(std::span<const std::byte> bytes, Clock::time_point deadline,

@@ -77,7 +77,8 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   /// The oldest completed slot that was not looked at; null: none. Takes all that there are at once, so that
   /// the two threads meet once a batch.
   [[nodiscard]] Slot* next_completed();
-  /// Until there is one, a stop request may have to be looked for, or the device is gone. Errors  as receive().
+  /// Until there is one, a stop request may have to be looked for, or the device is gone. Errors  as
+  /// receive().
   [[nodiscard]] Status wait_for_completed(Clock::time_point deadline);
   /// Hands a slot of the IN pipe to the kernel; keeps it idle where that cannot be.
   void submit_in(Slot& slot);
@@ -91,6 +92,9 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   void cancel_all() noexcept;
   [[nodiscard]] int send_piece(std::span<const std::byte> piece, Clock::time_point deadline,
                                const std::stop_token& stop, std::size_t& sent);
+  /// Until nothing is being sent. False: something still is at the deadline, a stop request, or the device's
+  /// end.
+  [[nodiscard]] bool wait_for_out(Clock::time_point deadline, const std::stop_token& stop);
   void lose(const std::string& why);
   [[nodiscard]] bool gone(std::string* why = nullptr) const;
   [[nodiscard]] std::unexpected<Error> disconnected() const;
@@ -107,7 +111,7 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   std::vector<Slot> in_;  ///< One more than asked for: one is lent while the others are under way.
   Slot out_;
   std::vector<Slot*> idle_;
-  std::vector<Slot*> taken_;    ///< Completed, oldest first; of these `next_taken_` were looked at.
+  std::vector<Slot*> taken_;  ///< Completed, oldest first; of these `next_taken_` were looked at.
   std::size_t next_taken_ = 0;
   Slot* lent_ = nullptr;
   bool halted_ = false;
@@ -123,7 +127,7 @@ class BulkLink : public std::enable_shared_from_this<BulkLink> {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<Slot*> completed_;  ///< Oldest first.
-  int under_way_ = 0;            ///< Both pipes.
+  int under_way_ = 0;             ///< Both pipes.
   bool out_busy_ = false;
   bool gone_ = false;
   bool settled_ = false;  ///< Gone, and nothing will come that was on its way.

@@ -261,9 +261,9 @@ void BusDevice::leave() {
   testbed_.announce(entry_, "remove");
 }
 
-void BusDevice::release_received() {
+void BusDevice::release_held() {
   update_readiness();
-  if (gone_) {
+  if (gone_ && !conditions_.hold_received) {
     node_.hang_up();
   }
 }

@@ -27,6 +27,7 @@ struct BusConditions {
   int garble = -1;                          ///< >= 0: the descriptors that programs read are cut there.
   std::uint32_t scramble = 0;               ///< != 0: seed of random bytes in their place.
   bool hold_received = false;               ///< What devices sent, and that they have left, is told late.
+  bool hold_sent = false;                   ///< What became of transfers to devices is told late.
 };
 
 class BusDevice final : public FileHandler {
@@ -57,7 +58,7 @@ class BusDevice final : public FileHandler {
   [[nodiscard]] std::size_t under_way() const;
   void set_access(bool allowed);
   /// What the conditions held back is given to programs.
-  void release_received();
+  void release_held();
   /// Another program of the test's imagination holds this interface, or no longer.
   void hold_by_other(std::uint8_t interface, bool held);
   [[nodiscard]] const Place& place() const noexcept { return place_; }

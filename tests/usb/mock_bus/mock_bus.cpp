@@ -137,12 +137,10 @@ std::string MockBus::request(const std::string& line) {
           each->device()->set_access(conditions_.access);
         }
       }
-    } else if (verb == "hold_received") {
-      conditions_.hold_received = number(1) != 0;
-      if (!conditions_.hold_received) {
-        for (const auto& each : slots_) {
-          each->release_received();
-        }
+    } else if (verb == "hold_received" || verb == "hold_sent") {
+      (verb == "hold_sent" ? conditions_.hold_sent : conditions_.hold_received) = number(1) != 0;
+      for (const auto& each : slots_) {
+        each->release_held();
       }
     } else if (verb == "hold") {
       BusDevice& held = device();

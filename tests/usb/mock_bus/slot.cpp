@@ -97,12 +97,12 @@ bool Slot::serve() {
   return did;
 }
 
-void Slot::release_received() {
+void Slot::release_held() {
   if (device_ != nullptr) {
-    device_->release_received();
+    device_->release_held();
   }
   for (const auto& left : left_) {
-    left->release_received();
+    left->release_held();
   }
 }
 

@@ -30,7 +30,7 @@ class Slot {
   void run();
   bool serve();
   /// What the conditions held back is given to programs.
-  void release_received();
+  void release_held();
   void add_waits(std::vector<pollfd>& files) const;
   /// How long nothing happens here by itself [us]. Then call passed().
   [[nodiscard]] std::uint64_t wait_us();

@@ -236,7 +236,7 @@ void BusDevice::take_urb(UsbfsFile& file, std::uint64_t id, UsbCompletion& compl
 
 std::deque<Urb>::iterator BusDevice::ready_urb(UsbfsFile& file) const {
   return std::find_if(file.done.begin(), file.done.end(), [this](const Urb& urb) {
-    return !conditions_.hold_received || (urb.endpoint & 0x80U) == 0;
+    return (urb.endpoint & 0x80U) != 0 ? !conditions_.hold_received : !conditions_.hold_sent;
   });
 }
 
