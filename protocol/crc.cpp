@@ -1,6 +1,6 @@
 #include "protocol/crc.h"
 
-#include <array>
+#include <utility>
 
 #include "protocol/endian.h"
 
@@ -81,13 +81,17 @@ std::uint32_t Crc32cConcat::operator()(std::uint32_t first, std::uint32_t second
   return product(factor_, first) ^ second;
 }
 
-std::uint32_t TailCrc::append(std::uint32_t crc, std::span<const std::byte> payload, std::uint32_t payload_crc,
-                              std::size_t tail_bytes) noexcept {
-  if (concat_.second_bytes() != tail_bytes) {
-    concat_ = Crc32cConcat(tail_bytes);
+std::uint32_t TailCrc::append(std::uint32_t crc, std::span<const std::byte> payload,
+                              std::uint32_t payload_crc, std::size_t tail_bytes) noexcept {
+  auto& [concat, before] = concats_;
+  if (concat.second_bytes() != tail_bytes) {
+    std::swap(concat, before);
+  }
+  if (concat.second_bytes() != tail_bytes) {
+    concat = Crc32cConcat(tail_bytes);
   }
   const std::uint32_t head = crc32c(payload.first(payload.size() - tail_bytes));
-  return concat_(crc, concat_(head, payload_crc));
+  return concat(crc, concat(head, payload_crc));
 }
 
 std::uint32_t crc32c_table(std::span<const std::byte> bytes, std::uint32_t seed) noexcept {

@@ -5,6 +5,7 @@
 // bytes and every error of up to 3 bits in up to 2^31 - 1 bits.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -36,13 +37,14 @@ class Crc32cConcat {
   explicit Crc32cConcat(std::size_t second_bytes = 0) noexcept;
   [[nodiscard]] std::size_t second_bytes() const noexcept { return second_bytes_; }
 
-  /// The CRC of a followed by b, from those of a and of b. Exclusive or undoes itself: from those of a and of a
-  /// followed by b it is the CRC of b. Cost: one product, 32 steps.
+  /// The CRC of a followed by b, from those of a and of b. Exclusive or undoes itself: from those of a and of
+  /// a followed by b it is the CRC of b. Cost: one product, 32 steps.
   [[nodiscard]] std::uint32_t operator()(std::uint32_t first, std::uint32_t second) const noexcept;
 
  private:
   std::size_t second_bytes_ = 0;
-  std::uint32_t factor_ = 0x80000000U;  ///< x^(8 second_bytes) modulo the polynomial, reflected: bit 31 is x^0.
+  std::uint32_t factor_ =
+      0x80000000U;  ///< x^(8 second_bytes) modulo the polynomial, reflected: bit 31 is x^0.
 };
 
 /// The CRC of what a row of messages carries in their tails, from the checksums that prove their payloads: no
@@ -50,12 +52,13 @@ class Crc32cConcat {
 class TailCrc {
  public:
   /// `crc` continued by the last `tail_bytes` of `payload`, whose CRC is `payload_crc`. Cost: the CRC of the
-  /// bytes before the tail and two products; a Crc32cConcat more when tail_bytes is another than last time.
+  /// bytes before the tail and two products; a Crc32cConcat more when tail_bytes is neither of the last two.
   [[nodiscard]] std::uint32_t append(std::uint32_t crc, std::span<const std::byte> payload,
                                      std::uint32_t payload_crc, std::size_t tail_bytes) noexcept;
 
  private:
-  Crc32cConcat concat_;
+  // The last used one and the one before: a row, or a frame, ends with a shorter message than its others.
+  std::array<Crc32cConcat, 2> concats_;
 };
 
 /// One byte at a time without a table: for constants computed while compiling.
