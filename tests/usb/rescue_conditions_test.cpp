@@ -134,6 +134,29 @@ TEST_CASE("Unplugging ends a wait as disconnected; after plugging in a new chann
   CHECK(opened_again().status());
 }
 
+TEST_CASE("Whenever it is unplugged, the next call of each kind says that it is gone, not that it is deaf") {
+  Bus bus;
+  for (int k = 0; k < 30; ++k) {
+    INFO("round " << k);
+    {
+      auto channel = opened_again();
+      REQUIRE(channel.status());
+      bus.unplug();
+      switch (k % 3) {
+        case 0:
+          CHECK(code_of(channel.status()) == ErrorCode::kDisconnected);
+          break;
+        case 1:
+          CHECK(code_of(channel.abort()) == ErrorCode::kDisconnected);
+          break;
+        default:
+          CHECK(code_of(channel.fault_record()) == ErrorCode::kDisconnected);
+      }
+    }
+    bus.plug();
+  }
+}
+
 TEST_CASE("An instrument that answers nothing costs no caller more than its deadline") {
   Bus bus;
   auto channel = opened();

@@ -40,6 +40,27 @@ TEST_CASE("The status is that of the instrument") {
   CHECK(open->boot_count == idle->boot_count);
 }
 
+TEST_CASE(
+    "The first status of a new channel is that of now, although an older report waits in the instrument") {
+  Host host;
+  for (int k = 0; k < 20; ++k) {
+    INFO("round " << k);
+    // Told of nobody's session while nobody reads: the report waits.
+    Device device = host.open();
+    REQUIRE(device.configure(endless_recipe()).has_value());
+    auto stream = device.start();
+    REQUIRE(stream.has_value());
+    REQUIRE(stream->next().has_value());
+    RescueChannel channel = open_rescue();
+    const auto status = channel.status();
+    REQUIRE(status.has_value());
+    CHECK(status->session_open);
+    CHECK(status->run_state != static_cast<std::uint8_t>(protocol::RunState::kIdle));
+    CHECK(status->exposed > 0);
+    REQUIRE(stream->abort().has_value());
+  }
+}
+
 TEST_CASE("Beside a stream in the same program the status comes, and the stream loses nothing") {
   Host host;
   Device device = host.open();

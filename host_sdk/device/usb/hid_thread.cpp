@@ -19,6 +19,8 @@ using std::chrono::milliseconds;
 /// How long a read may hold up a new task.
 constexpr milliseconds kSlice{4};
 constexpr milliseconds kLongestClose{200};
+/// An instrument that takes nothing has gone when the system says so within this time, else it is deaf.
+constexpr milliseconds kLeavesWithin{200};
 /// An answer is looked for as soon as it comes; more than these wait only for callers that gave up.
 constexpr std::size_t kMostAnswers = 32;
 /// Reports read in one go: more than either backend keeps, so that an interface that floods cannot hold the
@@ -192,7 +194,7 @@ Waited HidThread::send(const std::shared_ptr<HidPort>& port, const protocol::Rep
         std::memcpy(bytes.data() + 1, report.data(), report.size());
         *outcome = hid_write(port->handle, bytes.data(), bytes.size()) > 0;
         if (!*outcome) {
-          read_reports(*port, milliseconds(0));  // Tells a deaf instrument from one that is gone.
+          learn_whether_gone(*port);
         }
       },
       deadline, stop);
@@ -216,7 +218,7 @@ Waited HidThread::feature(const std::shared_ptr<HidPort>& port, std::optional<pr
           std::memcpy(out.data(), bytes.data() + 1,
                       std::min(out.size(), static_cast<std::size_t>(count) - 1));
         } else {
-          read_reports(*port, milliseconds(0));
+          learn_whether_gone(*port);
         }
       },
       deadline, stop);
@@ -268,6 +270,14 @@ void HidThread::read_reports(HidPort& port, milliseconds wait) {
       return;
     }
     keep(port, report);
+  }
+}
+
+void HidThread::learn_whether_gone(HidPort& port) {
+  // `gone` is written by this thread alone.
+  const SteadyTime end = std::chrono::steady_clock::now() + kLeavesWithin;
+  while (!port.gone && std::chrono::steady_clock::now() < end) {
+    read_reports(port, kSlice);
   }
 }
 

@@ -87,6 +87,9 @@ class HidThread {
   void serve();
   /// On the thread, without the lock. Waits for the first report at most `wait`.
   void read_reports(HidPort& port, std::chrono::milliseconds wait);
+  /// After a call that failed; sets `gone`. hidapi's libusb backend is told on a thread of its own, a little
+  /// after its calls fail.
+  void learn_whether_gone(HidPort& port);
   void keep(HidPort& port, const protocol::Report& report);
 
   std::mutex mutex_;
