@@ -246,9 +246,13 @@ void Testbed::announce(const SysDevice& device, std::string_view action) {
   std::string message(reinterpret_cast<const char*>(&header), sizeof header);
   message += properties;
   std::vector<fs::path> listeners;
-  for (const fs::directory_entry& entry : fs::directory_iterator(root_)) {
-    if (entry.path().filename().string().starts_with("event")) {
-      listeners.push_back(entry.path());
+  // Also called when the bus is taken apart, by when somebody may have tidied up the folder: then nobody
+  // listens.
+  std::error_code error;
+  for (fs::directory_iterator entry(root_, error); !error && entry != fs::directory_iterator();
+       entry.increment(error)) {
+    if (entry->path().filename().string().starts_with("event")) {
+      listeners.push_back(entry->path());
     }
   }
   for (const fs::path& listener : listeners) {

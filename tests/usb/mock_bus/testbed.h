@@ -42,7 +42,8 @@ class Testbed {
   void remove(const SysDevice& device);
   void set_attribute(const std::string& path, const std::string& name, std::string_view value);
   void set_link(const std::string& path, const std::string& name, const std::string& target);
-  /// Tells every udev monitor of every program. `action`: "add", "remove", "bind".
+  /// Tells every udev monitor of every program; does not throw for the disk. `action`: "add", "remove",
+  /// "bind".
   void announce(const SysDevice& device, std::string_view action);
   /// N of the next /dev/hidrawN; each is used once.
   [[nodiscard]] int next_hidraw() noexcept { return hidraws_++; }
