@@ -11,7 +11,7 @@ namespace scatter::simulator {
 
 enum class ClockMode : std::uint8_t {
   kVirtual,  ///< Jumps to the next thing that happens; stands still while the host is busy.
-  kReal,     ///< Runs with the computer's monotonic clock.
+  kReal,     ///< Runs with the computer's monotonic clock, save while light is being computed.
 };
 
 /// 2026-01-01T00:00:00Z: when every simulated instrument is switched on, so that runs repeat exactly.
@@ -39,6 +39,14 @@ class VirtualClock final : public firmware::Clock {
   }
   /// Both modes: the instrument spends `duration_us` unused.
   void skip(std::uint64_t duration_us) noexcept { ahead_us_ += duration_us; }
+  /// Does `work` in no time of the instrument's: what the computer has to work out an instrument just has,
+  /// such as light.
+  template <typename Work>
+  void outside_time(Work&& work) {
+    const auto began = std::chrono::steady_clock::now();
+    work();
+    origin_ += std::chrono::steady_clock::now() - began;
+  }
   void boot() noexcept { booted_us_ = since_power_on_us(); }
 
  private:

@@ -1,6 +1,7 @@
 #include <catch2/catch.hpp>
 
 #include <algorithm>
+#include <chrono>
 
 #include "simulator/instrument/virtual_board.h"
 
@@ -179,6 +180,25 @@ TEST_CASE("The watchdog wants a restart after five seconds without a kick") {
   CHECK_FALSE(board->restart_wanted().has_value());
   board->clock().advance_to(5'000'001);
   CHECK(board->restart_wanted() == protocol::ResetReason::kWatchdog);
+}
+
+TEST_CASE("By the real clock, computing light takes none of the instrument's time") {
+  const auto board = board_of("clock=real");
+  Camera& camera = board->camera();
+  VirtualClock& clock = board->clock();
+  const protocol::SensorInfo& sensor = board->descriptor().sensor;
+  const firmware::SensorSettings whole{
+      .x = 0, .y = 0, .width = sensor.width_px, .height = sensor.height_px, .exposure_us = 1000};
+  REQUIRE(camera.trigger(whole));
+  while (camera.state() != firmware::SensorState::kReady) {
+  }
+  std::vector<std::uint16_t> row(sensor.width_px);
+  const auto began = std::chrono::steady_clock::now();
+  const std::uint64_t before_us = clock.since_power_on_us();
+  REQUIRE(camera.read_rows(0, 1, row));
+  const std::uint64_t after_us = clock.since_power_on_us();
+  const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - began;
+  CHECK(static_cast<double>(after_us - before_us) < took.count() / 2);
 }
 
 TEST_CASE("A restart drops the link, the light and the clock, and keeps flash and warmth") {
