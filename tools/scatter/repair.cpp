@@ -29,14 +29,31 @@ bool agreed(const std::stop_token& stop) {
     }
     char c = 0;
     if (read(STDIN_FILENO, &c, 1) != 1) {
-      return false;
+      break;
     }
     if (c == '\n') {
       return line == "y" || line == "Y" || line == "yes";
     }
     line += c;
   }
+  std::fputs("\n", stderr);  // Nobody ended the question's line.
   return false;
+}
+
+/// What became of it, for the person who reads along.
+void tell(const Repair& repair) {
+  switch (repair.outcome) {
+    case Repair::Outcome::kFailed:
+      std::fprintf(stderr, "  failed with status %d\n", repair.exit_status);
+      break;
+    case Repair::Outcome::kNobodyToAsk:
+      std::fprintf(stderr, "  %s; run it in a terminal, or with --yes\n", words(repair.outcome));
+      break;
+    case Repair::Outcome::kDone:
+    case Repair::Outcome::kDeclined:
+      std::fprintf(stderr, "  %s\n", words(repair.outcome));
+      break;
+  }
 }
 
 /// Exit status of the shell; -1 when it could not be started.
@@ -120,9 +137,7 @@ std::vector<Repair> repair(const std::vector<Finding>& findings, bool yes, const
         one.outcome = one.exit_status == 0 ? Repair::Outcome::kDone : Repair::Outcome::kFailed;
       }
     }
-    if (one.outcome != Repair::Outcome::kDeclined) {
-      std::fprintf(stderr, "  %s\n", words(one.outcome));
-    }
+    tell(one);
     out.push_back(std::move(one));
   }
   return out;

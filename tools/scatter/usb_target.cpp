@@ -41,9 +41,15 @@ Status wait_for_button(const std::string& uri, const Context& context) {
   if (!channel) {
     return std::unexpected(channel.error());
   }
+  // Before the person is asked: who presses at once shall not have to press again.
+  const auto before = channel->status({.timeout = std::chrono::seconds(5), .stop = context.stop});
+  if (!before) {
+    return std::unexpected(before.error());
+  }
   std::fputs("press the measure button on the instrument; ctrl-C gives up\n", stderr);
   while (true) {
-    const Status pressed = channel->wait_for_button({.timeout = std::chrono::hours(1), .stop = context.stop});
+    const Status pressed =
+        channel->wait_for_button(*before, {.timeout = std::chrono::hours(1), .stop = context.stop});
     // A wait must have an end; people may take longer.
     if (pressed || pressed.error().code != ErrorCode::kDeadlineExceeded) {
       return pressed;

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <sstream>
+#include <string_view>
 
 #include "host_sdk/device/usb/diagnosis.h"
 #include "host_sdk/device/usb/udev_rule.h"
@@ -30,7 +31,21 @@ struct Options {
   std::string root = "/";
 };
 
-/// "scatter" where the shell finds this program under that name, else its path.
+/// As one word of the shell.
+std::string quoted(const std::string& word) {
+  constexpr std::string_view kPlain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789/._-+,:@%=";
+  if (word.find_first_not_of(kPlain) == std::string::npos) {
+    return word;
+  }
+  std::string text = "'";
+  for (const char each : word) {
+    text += each == '\'' ? std::string("'\\''") : std::string(1, each);
+  }
+  return text + "'";
+}
+
+/// "scatter" where the shell finds this program under that name, else its path; as the shell wants it.
 std::string program() {
   std::error_code error;
   const fs::path self = fs::read_symlink("/proc/self/exe", error);
@@ -42,10 +57,10 @@ std::string program() {
   for (std::string folder; std::getline(folders, folder, ':');) {
     const fs::path candidate = fs::path(folder) / "scatter";
     if (access(candidate.c_str(), X_OK) == 0) {
-      return fs::equivalent(candidate, self, error) ? "scatter" : self.string();
+      return fs::equivalent(candidate, self, error) ? "scatter" : quoted(self.string());
     }
   }
-  return self.string();
+  return quoted(self.string());
 }
 
 std::ptrdiff_t count(const std::vector<Finding>& findings, Finding::Verdict verdict) {
@@ -121,6 +136,10 @@ Result<Answer> run(const Options& options, const Context& context) {
         })) {
       findings = usb::diagnose(asked);
     }
+  }
+  if (context.stop.stop_requested()) {
+    // Instruments that were not asked for that reason have no problem.
+    return fail(ErrorCode::kAborted, "doctor: stopped", "start it again when ready");
   }
   return describe(findings, repairs);
 }

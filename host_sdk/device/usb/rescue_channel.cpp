@@ -298,15 +298,21 @@ Result<protocol::FaultRecord> RescueChannel::fault_record(const Wait& wait) {
 
 Status RescueChannel::wait_for_button(const Wait& wait) {
   const SteadyTime deadline = deadline_of(wait);
-  const auto first = state_->status(deadline, wait.stop);
-  if (!first) {
-    return std::unexpected(first.error());
+  const auto now = state_->status(deadline, wait.stop);
+  if (!now) {
+    return std::unexpected(now.error());
   }
+  const auto left = std::chrono::duration_cast<Duration>(deadline - std::chrono::steady_clock::now());
+  return wait_for_button(*now, {.timeout = std::max(left, Duration()), .stop = wait.stop});
+}
+
+Status RescueChannel::wait_for_button(const protocol::RescueStatus& since, const Wait& wait) {
+  const SteadyTime deadline = deadline_of(wait);
   const auto pressed = [&](const protocol::RescueStatus& now) {
-    // The newest report kept may be older than the first: counts only grow.
-    return static_cast<std::int32_t>(now.boot_count - first->boot_count) > 0 ||
-           (now.boot_count == first->boot_count &&
-            static_cast<std::int32_t>(now.button_presses - first->button_presses) > 0);
+    // The newest report kept may be older than `since`: counts only grow.
+    return static_cast<std::int32_t>(now.boot_count - since.boot_count) > 0 ||
+           (now.boot_count == since.boot_count &&
+            static_cast<std::int32_t>(now.button_presses - since.button_presses) > 0);
   };
   std::optional<protocol::RescueStatus> last;
   while (!last || !pressed(*last)) {
@@ -334,7 +340,7 @@ Status RescueChannel::wait_for_button(const Wait& wait) {
     }
     last = *asked;
   }
-  if (last->boot_count != first->boot_count) {
+  if (last->boot_count != since.boot_count) {
     return fail(ErrorCode::kDisconnected, state_->who + " restarted", "open it again, then press the button");
   }
   return {};

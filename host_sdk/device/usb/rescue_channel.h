@@ -42,6 +42,9 @@ class RescueChannel {
   /// Waits for the next press of the measure button after this call began. A restart meanwhile is a
   /// kDisconnected.
   [[nodiscard]] Status wait_for_button(const Wait& wait);
+  /// The same, for the next press after `since` was taken with status(): one between that and this call
+  /// counts.
+  [[nodiscard]] Status wait_for_button(const protocol::RescueStatus& since, const Wait& wait);
 
  private:
   struct State;

@@ -40,5 +40,8 @@ Result<protocol::FaultRecord> RescueChannel::fault_record(const Wait& /*wait*/) 
 Status RescueChannel::wait_for_button(const Wait& /*wait*/) {
   return absent();
 }
+Status RescueChannel::wait_for_button(const protocol::RescueStatus& /*since*/, const Wait& /*wait*/) {
+  return absent();
+}
 
 }  // namespace scatter::device::usb
