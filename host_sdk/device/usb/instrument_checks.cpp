@@ -133,10 +133,14 @@ void check_speed(const BusEntry& entry, const std::string& subject, std::vector<
   out.push_back(std::move(finding));
 }
 
+std::string release_of(const BusEntry& entry) {
+  return fmt::format("release {}", release_words(entry.release));
+}
+
 void ask_versions(const DiagnosisOptions& options, const BusEntry& entry, const std::string& subject,
                   std::vector<Finding>& out) {
   Finding firmware{.check = "firmware", .subject = subject};
-  const std::string release = fmt::format("release {}", release_words(entry.release));
+  const std::string release = release_of(entry);
   if (options.registry == nullptr || entry.in_use) {
     firmware.found = fmt::format("{}{}", release, entry.in_use ? "; not asked while it is in use" : "");
     out.push_back(std::move(firmware));
@@ -162,8 +166,16 @@ void ask_versions(const DiagnosisOptions& options, const BusEntry& entry, const 
     out.push_back(std::move(firmware));
     return;
   }
-  const protocol::HelloReply& hello = device->hello();
-  firmware.found = fmt::format("{}, {}", hello.build_id.str(), release);
+  check_answer(options, entry, device->hello(), out);
+}
+
+}  // namespace
+
+void check_answer(const DiagnosisOptions& options, const BusEntry& entry, const protocol::HelloReply& hello,
+                  std::vector<Finding>& out) {
+  const std::string subject = uri_of(entry);
+  Finding firmware{.check = "firmware", .subject = subject};
+  firmware.found = fmt::format("{}, {}", hello.build_id.str(), release_of(entry));
   if ((hello.capabilities & protocol::kCapabilityRescue) != 0) {
     firmware.verdict = Verdict::kProblem;
     firmware.found += "; the bootloader answers: no firmware could be started";
@@ -184,8 +196,6 @@ void ask_versions(const DiagnosisOptions& options, const BusEntry& entry, const 
   }
   out.push_back(std::move(wire));
 }
-
-}  // namespace
 
 void check_instrument(const DiagnosisOptions& options, const BusEntry& entry, RuleState rule,
                       std::vector<Finding>& out) {

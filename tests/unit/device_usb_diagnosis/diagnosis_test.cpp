@@ -8,40 +8,15 @@
 
 #include "host_sdk/device/device.h"
 #include "host_sdk/device/usb/udev_rule.h"
-#include "tests/unit/device_usb_diagnosis/made_up_system.h"
+#include "tests/unit/device_usb_diagnosis/findings.h"
 #include "tools/sim_scheme/sim_scheme.h"
 
 using namespace scatter::device::usb;
-using Verdict = Finding::Verdict;
+using namespace scatter::diagnosis_test;
 namespace device = scatter::device;
 using scatter::ErrorCode;
 
 namespace {
-
-constexpr std::uint64_t kGigabyte = 1ULL << 30U;
-
-DiagnosisOptions options_for(const MadeUpSystem& system) {
-  DiagnosisOptions options;
-  options.root.path = system.path();
-  options.may_use = [](const std::filesystem::path&) { return true; };
-  options.free_disk_bytes = 100 * kGigabyte;
-  options.as_root = false;
-  return options;
-}
-
-std::vector<Finding> findings_of(const MadeUpSystem& system) {
-  return diagnose(options_for(system));
-}
-
-Finding the(const std::vector<Finding>& findings, const std::string& check, const std::string& subject = "") {
-  std::vector<Finding> found;
-  std::ranges::copy_if(findings, std::back_inserter(found), [&](const Finding& each) {
-    return each.check == check && (subject.empty() || each.subject == subject);
-  });
-  INFO(check);
-  REQUIRE(found.size() == 1);
-  return found.front();
-}
 
 bool all_good(const std::vector<Finding>& findings) {
   return std::ranges::all_of(findings, [](const Finding& each) {
