@@ -51,10 +51,6 @@ class Recorders {
     does("tee", "case \"$1\" in /sys/*) exec /bin/cat > \"$UMOCKDEV_DIR$1\";; *) exec /bin/cat > '" +
                     (folder_ / "written").string() + "';; esac");
     ::setenv("PATH", folder_.c_str(), 1);
-    // The shell and the recorders are others' programs: their leaks are theirs.
-    if (const char* options = std::getenv("ASAN_OPTIONS")) {
-      ::setenv("ASAN_OPTIONS", (std::string(options) + ":detect_leaks=0").c_str(), 1);
-    }
   }
   ~Recorders() {
     ::setenv("PATH", path_.c_str(), 1);
