@@ -200,12 +200,14 @@ Result<std::optional<Frame>> Stream::State::next(const Wait& wait) {
       }
       continue;
     }
-    // While bytes keep coming nothing above is due before the slice ends, a frame is there or the run is over.
+    // While bytes keep coming nothing above is due before the slice ends, a frame is there or the run is
+    // over.
     const TimePoint slice = std::min(deadline, now + kSlice);
     Status pumped;
     do {
       pumped = session_->pump(slice, wait.stop);
-    } while (pumped && assembler_.ready() == 0 && !report_ && !recorder_error_ && session_->arrived() < slice);
+    } while (pumped && assembler_.ready() == 0 && !report_ && !recorder_error_ &&
+             session_->arrived() < slice);
     if (!pumped && pumped.error().code == ErrorCode::kDisconnected) {
       broken_ = pumped.error();
       finish();

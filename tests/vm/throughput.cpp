@@ -1,6 +1,6 @@
-// vm_throughput [FRAMES [SIDE [TURNS]]]: the SDK's stream against a bare libusb loop on the same instrument, in
-// turns: bytes per second and processor time per megabyte of each. The bare loop keeps as many transfers under
-// way and looks at nothing but sequence numbers; both must see every wire frame. Rates are printed, not
+// vm_throughput [FRAMES [SIDE [TURNS]]]: the SDK's stream against a bare libusb loop on the same instrument,
+// in turns: bytes per second and processor time per megabyte of each. The bare loop keeps as many transfers
+// under way and looks at nothing but sequence numbers; both must see every wire frame. Rates are printed, not
 // promised; where the scheduler puts the threads moves a single turn by a fifth, so take many short ones.
 #include <libusb.h>
 #include <sys/resource.h>
