@@ -194,7 +194,7 @@ TEST_CASE("A reboot ends the host's connection, and the next session finds why")
     REQUIRE_FALSE(status.has_value());
     CHECK(status.error().code == ErrorCode::kDisconnected);
   }
-  device::Device again = emulated.open();
+  device::Device again = emulated.open_soon();
   CHECK(again.hello().boot_count == boots + 1);
   CHECK(again.hello().reset_reason == static_cast<std::uint8_t>(protocol::ResetReason::kRequested));
 }

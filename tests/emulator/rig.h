@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <csignal>
 #include <filesystem>
 #include <functional>
@@ -97,6 +98,20 @@ class Emulated {
   [[nodiscard]] const std::string& uri() const { return server_->address(); }
   [[nodiscard]] device::Device open() const {
     auto device = try_open();
+    if (!device) {
+      FAIL(device.error().what);
+    }
+    return std::move(*device);
+  }
+  /// While the board restarts: a connection made before its reset ends with it.
+  [[nodiscard]] device::Device open_soon() const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    auto device = try_open();
+    while (!device && device.error().code == ErrorCode::kDisconnected &&
+           std::chrono::steady_clock::now() < end) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      device = try_open();
+    }
     if (!device) {
       FAIL(device.error().what);
     }

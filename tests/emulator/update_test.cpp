@@ -28,7 +28,7 @@ protocol::UpdateState after_restart(const Emulated& emulated) {
     while (device.status()) {
     }
   }
-  const auto state = emulated.open().update_status();
+  const auto state = emulated.open_soon().update_status();
   REQUIRE(state.has_value());
   return *state;
 }
