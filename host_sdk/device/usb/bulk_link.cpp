@@ -188,8 +188,9 @@ void BulkLink::on_complete(libusb_transfer* transfer) {
   } else {
     link.completed_.push_back(slot);
   }
-  // Whoever waits for the last one may destroy the link right after, so that is told with the lock held; as
-  // long as others are under way the link stays, and who wakes need not wait for the lock.
+  // Whoever waits for the last one may destroy the link right after, so that is told with the lock held. Else
+  // who wakes need not wait for the lock: the link stays while others are under way, and libusb_close() waits
+  // for the event thread besides.
   if (link.under_way_ != 0) {
     lock.unlock();
   }
