@@ -126,14 +126,10 @@ TEST_CASE("A pulled cable is noticed within 300 ms, and the instrument is open a
 TEST_CASE("Requests get through while the stream saturates the bus: round trip under 20 ms at p99") {
   Host host;
   Device device = host.open();
-  REQUIRE(device.configure(endless_recipe()).has_value());
-  device::StartOptions options;
-  options.credit_window = 64;
-  auto stream = device.start(options);
-  REQUIRE(stream.has_value());
+  auto stream = start_stream(device, endless_recipe(), 64);
   std::vector<double> samples;
   for (int k = 0; k < 300; ++k) {
-    auto frame = stream->next();
+    auto frame = stream.next();
     REQUIRE(frame.has_value());
     REQUIRE(frame->has_value());
     const Clock::time_point start = Clock::now();
@@ -141,7 +137,7 @@ TEST_CASE("Requests get through while the stream saturates the bus: round trip u
     samples.push_back(ms_since(start));
   }
   report("round trip beside the stream", samples, kRoundTripMs);
-  REQUIRE(stream->abort().has_value());
+  REQUIRE(stream.abort().has_value());
 }
 
 TEST_CASE("Five hundred starts and stops leave nothing behind") {

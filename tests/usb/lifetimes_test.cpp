@@ -17,15 +17,6 @@ using integration::pattern_recipe;
 
 namespace {
 
-device::Stream start(Device& device, const protocol::Recipe& recipe, std::uint32_t credit = 8) {
-  REQUIRE(device.configure(recipe).has_value());
-  device::StartOptions options;
-  options.credit_window = credit;
-  Result<device::Stream> stream = device.start(options);
-  REQUIRE(stream.has_value());
-  return std::move(*stream);
-}
-
 /// Until the end of the run or of the device.
 std::optional<Error> drain(device::Stream& stream) {
   for (;;) {
@@ -116,7 +107,7 @@ TEST_CASE("Unplugged while configuring: kDisconnected, and the next session star
 TEST_CASE("Unplugged in a run: frames that came are given out, then kDisconnected, and the ledger balances") {
   Host host;
   Device device = host.open();
-  device::Stream stream = start(device, endless_recipe());
+  device::Stream stream = start_stream(device, endless_recipe());
   REQUIRE(stream.next().has_value());
   host.bus().unplug();
   const std::optional<Error> error = drain(stream);
@@ -131,7 +122,7 @@ TEST_CASE("Unplugged in a run: frames that came are given out, then kDisconnecte
 TEST_CASE("Unplugged while the device holds for credit") {
   Host host;
   Device device = host.open();
-  device::Stream stream = start(device, endless_recipe(), 1);
+  device::Stream stream = start_stream(device, endless_recipe(), 1);
   REQUIRE(stream.next().has_value());
   std::this_thread::sleep_for(std::chrono::milliseconds(20));  // Nobody calls next(): the device holds.
   host.bus().unplug();
@@ -162,7 +153,7 @@ TEST_CASE("Two instruments: stopping one leaves the other's frames whole") {
   Device one = host.open("usb:port=1-1");
   Device two = host.open_soon("usb:port=2-1");
   Outcome other;
-  device::Stream stream = start(one, endless_recipe());
+  device::Stream stream = start_stream(one, endless_recipe());
   REQUIRE(stream.next().has_value());
   std::jthread beside([&] { other = integration::run(two, pattern_recipe(300)); });
   REQUIRE(stream.next().has_value());
@@ -191,7 +182,7 @@ TEST_CASE("Two instruments and no name: the error lists both") {
 TEST_CASE("stop() from inside the loop that takes frames ends the run with a balanced ledger") {
   Host host;
   Device device = host.open();
-  device::Stream stream = start(device, endless_recipe());
+  device::Stream stream = start_stream(device, endless_recipe());
   int taken = 0;
   for (;;) {
     auto frame = stream.next();
@@ -211,7 +202,7 @@ TEST_CASE("request_stop() from another thread ends the run with a balanced ledge
   Host host;
   Device device = host.open();
   for (int k = 0; k < 20; ++k) {
-    device::Stream stream = start(device, endless_recipe());
+    device::Stream stream = start_stream(device, endless_recipe());
     std::jthread other([&] {
       std::this_thread::sleep_for(std::chrono::microseconds(500 * k));
       stream.request_stop();
@@ -273,7 +264,7 @@ TEST_CASE("A Watch that is destroyed inside its own call is not called again") {
 TEST_CASE("The context may be destroyed first: devices go on as long as they live, or end as disconnected") {
   Host host;
   Device device = host.open();
-  device::Stream stream = start(device, endless_recipe());
+  device::Stream stream = start_stream(device, endless_recipe());
   REQUIRE(stream.next().has_value());
   const Clock::time_point begin = Clock::now();
   host.destroy_context();
@@ -289,7 +280,7 @@ TEST_CASE("Destroyed in the middle of a stream, in any order, at any moment: not
     INFO("round " << k);
     Host host;
     auto device = std::make_unique<Device>(host.open());
-    auto stream = std::make_unique<device::Stream>(start(*device, endless_recipe()));
+    auto stream = std::make_unique<device::Stream>(start_stream(*device, endless_recipe()));
     for (int frames = 0; frames < k % 4; ++frames) {
       REQUIRE(stream->next().has_value());
     }

@@ -47,17 +47,15 @@ TEST_CASE(
     INFO("round " << k);
     // Told of nobody's session while nobody reads: the report waits.
     Device device = host.open();
-    REQUIRE(device.configure(endless_recipe()).has_value());
-    auto stream = device.start();
-    REQUIRE(stream.has_value());
-    REQUIRE(stream->next().has_value());
+    auto stream = start_stream(device, endless_recipe());
+    REQUIRE(stream.next().has_value());
     RescueChannel channel = open_rescue();
     const auto status = channel.status();
     REQUIRE(status.has_value());
     CHECK(status->session_open);
     CHECK(status->run_state != static_cast<std::uint8_t>(protocol::RunState::kIdle));
     CHECK(status->exposed > 0);
-    REQUIRE(stream->abort().has_value());
+    REQUIRE(stream.abort().has_value());
   }
 }
 
@@ -77,33 +75,27 @@ TEST_CASE("Beside a stream in the same program the status comes, and the stream 
 TEST_CASE("abort() ends the run of another program, which sees it end as aborted") {
   Host host;
   Device device = host.open();
-  REQUIRE(device.configure(endless_recipe()).has_value());
-  auto stream = device.start();
-  REQUIRE(stream.has_value());
-  REQUIRE(stream->next().has_value());
+  auto stream = start_stream(device, endless_recipe());
+  REQUIRE(stream.next().has_value());
   RescueChannel channel = open_rescue();
   REQUIRE(channel.abort().has_value());
   for (;;) {
-    const auto frame = stream->next();
+    const auto frame = stream.next();
     REQUIRE(frame.has_value());
     if (!*frame) {
       break;
     }
   }
-  CHECK(stream->summary().reason == protocol::RunEnd::kAborted);
-  CHECK(stream->summary().ledger.balances());
+  CHECK(stream.summary().reason == protocol::RunEnd::kAborted);
+  CHECK(stream.summary().ledger.balances());
   check_whole(integration::run(device, pattern_recipe(3)), 3);
 }
 
 TEST_CASE("While the bulk pipes are stuck for want of a reader, status and abort get through") {
   Host host;
   Device device = host.open();
-  REQUIRE(device.configure(endless_recipe()).has_value());
-  device::StartOptions options;
-  options.credit_window = 64;
-  auto stream = device.start(options);
-  REQUIRE(stream.has_value());
-  REQUIRE(stream->next().has_value());
+  auto stream = start_stream(device, endless_recipe(), 64);
+  REQUIRE(stream.next().has_value());
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // All transfers are full, nobody takes them.
   RescueChannel channel = open_rescue();
   const Clock::time_point begin = Clock::now();
@@ -111,13 +103,13 @@ TEST_CASE("While the bulk pipes are stuck for want of a reader, status and abort
   REQUIRE(channel.abort().has_value());
   CHECK(ms_since(begin) < 1000);
   for (;;) {
-    const auto frame = stream->next();
+    const auto frame = stream.next();
     REQUIRE(frame.has_value());
     if (!*frame) {
       break;
     }
   }
-  CHECK(stream->summary().ledger.balances());
+  CHECK(stream.summary().ledger.balances());
 }
 
 TEST_CASE("The measure button wakes who waits for it, and nobody else") {

@@ -112,6 +112,15 @@ void check_whole(const integration::Outcome& outcome, std::uint16_t frames) {
   CHECK(outcome.summary.reason == protocol::RunEnd::kCompleted);
 }
 
+device::Stream start_stream(device::Device& device, const protocol::Recipe& recipe, std::uint32_t credit) {
+  REQUIRE(device.configure(recipe).has_value());
+  device::StartOptions options;
+  options.credit_window = credit;
+  Result<device::Stream> stream = device.start(options);
+  REQUIRE(stream.has_value());
+  return std::move(*stream);
+}
+
 protocol::Recipe endless_recipe() {
   return integration::pattern_recipe(65535);
 }

@@ -76,6 +76,10 @@ class Host {
 /// Frames of the counter pattern that are all right, and a ledger that says so.
 void check_whole(const integration::Outcome& outcome, std::uint16_t frames);
 
+/// Configured and running.
+[[nodiscard]] device::Stream start_stream(device::Device& device, const protocol::Recipe& recipe,
+                                          std::uint32_t credit = 8);
+
 /// 64 x 64 pixels of pattern for ever (65535 repeats), 1 ms each.
 [[nodiscard]] protocol::Recipe endless_recipe();
 
