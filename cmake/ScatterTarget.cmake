@@ -15,13 +15,13 @@ function(scatter_test name)
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_DEPENDS} scatter_test_main scatter_warnings)
   add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${PROJECT_SOURCE_DIR})
-  if(name MATCHES "^unit_(protocol|firmware|device|formats|images)")
+  if(name MATCHES "^unit_(protocol|firmware|device|formats|images|memory)")
     scatter_sanitize_too(${name} ${name})
   endif()
 endfunction()
 
 # scatter_sanitize_too(test target): joins the tests that ./run test --preset asan-ubsan builds and
-# runs: those of the code that reads bytes from outside, where a memory error would hide.
+# runs: those of the code that reads bytes from outside or hands out memory, where an error of memory would hide.
 add_custom_target(sanitized_tests)
 function(scatter_sanitize_too test target)
   set_tests_properties(${test} PROPERTIES LABELS sanitized)

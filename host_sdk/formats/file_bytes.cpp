@@ -9,6 +9,8 @@
 #include <fstream>
 #include <system_error>
 
+#include "host_sdk/memory/shared_block.h"
+
 namespace scatter::formats {
 namespace {
 
@@ -103,8 +105,7 @@ Result<std::string> read_file(const fs::path& path) {
 }
 
 FileBlock::FileBlock(std::size_t size)
-    : floats_(std::make_shared_for_overwrite<float[]>((size + sizeof(float) - 1) / sizeof(float))),
-      size_(size) {}
+    : floats_(shared_block<float>((size + sizeof(float) - 1) / sizeof(float))), size_(size) {}
 
 FileBlock::FileBlock(std::string_view bytes) : FileBlock(bytes.size()) {
   std::ranges::copy(bytes, data());

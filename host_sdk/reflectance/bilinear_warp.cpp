@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "host_sdk/memory/shared_block.h"
 #include "host_sdk/reflectance/warp_sums.h"
 
 namespace scatter::reflectance {
@@ -40,7 +41,7 @@ Result<BilinearWarp> BilinearWarp::make(BilinearTables tables) {
   const std::size_t height = warp.tables_.height;
   const std::size_t rows = values.size() / warp.tables_.width;
   const std::size_t blocks = warp_blocks(warp.tables_.width);
-  const auto sums = std::make_shared_for_overwrite<double[]>(rows * blocks);
+  const auto sums = shared_block<double>(rows * blocks);
   if (!sum_rows({values.data(), values.size()}, warp.tables_.width, sums.get())) {
     const auto wrong = std::ranges::find_if(values, [](float v) { return !std::isfinite(v) || v < 0; });
     return fail(

@@ -89,10 +89,17 @@ std::uint32_t sum_rows_and_look(std::span<const float> values, std::size_t width
         }
       }
     }
-    for (std::size_t node = block * kWarpBlock; node < width; ++node) {
-      if (node > block * kWarpBlock && node % kWarpBlock == 0) {
-        *sums++ = nodes + 0.5 * (static_cast<double>(row[node]) - first);
+    for (; block < width / kWarpBlock; ++block) {
+      const float* v = row + block * kWarpBlock;
+      for (std::size_t k = 0; k < kWarpBlock; k += hn::Lanes(u)) {
+        largest = hn::Max(largest, hn::BitCast(u, hn::LoadU(f, v + k)));
       }
+      nodes += hn::GetLane(hn::SumOfLanes(d, spread_sum(d, v)));
+      if (block < stored) {
+        *sums++ = nodes + 0.5 * (static_cast<double>(v[kWarpBlock]) - first);
+      }
+    }
+    for (std::size_t node = block * kWarpBlock; node < width; ++node) {
       nodes += static_cast<double>(row[node]);
       largest_of_rest = std::max(largest_of_rest, std::bit_cast<std::uint32_t>(row[node]));
     }

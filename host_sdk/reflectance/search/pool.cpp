@@ -1,10 +1,7 @@
-#if defined(__linux__)
-#include <sys/mman.h>
-#endif
-
 #include <algorithm>
 #include <new>
 
+#include "host_sdk/memory/huge_pages.h"
 #include "host_sdk/reflectance/search/tree.h"
 
 namespace scatter::search {
@@ -15,20 +12,6 @@ constexpr std::size_t kLine = 64;
 // What may be read past the last block of a chunk.
 constexpr std::size_t kMargin = 64;
 constexpr std::size_t kSmallestChunk = 4096;
-
-// A search jumps about in all of the tree; with pages of 4 KiB most jumps in a large one would also
-// miss the processor's table of pages. Only whole huge pages inside of the chunk: nothing grows. A
-// system that declines changes nothing but the speed.
-void ask_for_huge_pages([[maybe_unused]] std::byte* chunk, [[maybe_unused]] std::size_t size) noexcept {
-#if defined(__linux__)
-  constexpr std::size_t kHugePage = std::size_t{2} << 20;
-  const auto address = reinterpret_cast<std::uintptr_t>(chunk);
-  const std::size_t skipped = (kHugePage - address % kHugePage) % kHugePage;
-  if (size >= skipped + kHugePage) {
-    ::madvise(chunk + skipped, (size - skipped) / kHugePage * kHugePage, MADV_HUGEPAGE);
-  }
-#endif
-}
 
 }  // namespace
 
@@ -47,6 +30,8 @@ void* Pool::cut(std::size_t bytes, std::size_t alignment) {
     const std::size_t size = std::max({kSmallestChunk, bytes_ / 32, next_chunk_, bytes}) + kMargin;
     next_chunk_ = 0;
     auto* chunk = static_cast<std::byte*>(::operator new(size, std::align_val_t{kLine}));
+    // A search jumps about in all of the tree; with pages of 4 KiB most jumps in a large one would also
+    // miss the processor's table of pages.
     ask_for_huge_pages(chunk, size);
     chunks_.emplace_back(chunk);
     std::fill_n(chunk + (size - kMargin), kMargin, std::byte{0});
