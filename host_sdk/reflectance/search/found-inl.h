@@ -34,7 +34,7 @@ constexpr std::size_t kLanes = hn::MaxLanes(kFloats);
 constexpr std::size_t kKeyLanes = hn::MaxLanes(kKeys);
 constexpr std::size_t kSteps = kFanOut / kLanes;
 
-constexpr int kFewLanes = 3;  // Up to here a loop over the lanes is faster than a vector's minimum.
+constexpr std::size_t kPlaced = 48;  // Points of a first leaf up to which each is put in its place at once.
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 // A neighbour as one number that sorts by (distance, id): the bits of the distance above those of
@@ -122,6 +122,8 @@ HWY_INLINE hn::Mask<Floats> mask_of(std::uint32_t bits) {
 template <std::size_t kCapacity>
 class FewNearest {
  public:
+  static constexpr bool kPlaces = true;  ///< Has `place`.
+
   explicit FewNearest(std::size_t k) : last_(k - 1) { start(); }
 
   void start() {
@@ -182,25 +184,96 @@ class FewNearest {
     set_worst();
   }
 
+  /// The same as `take` for the first leaf of a search, when it has at most kPlaced points and `bits` marks
+  /// at least wanted() of them. distances: all kPlaced can be read.
+  HWY_INLINE void place(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    if (leaf.count <= kPlaced - 16) {
+      place_among<kPlaced - 16>(bits, distances, leaf);
+    } else {
+      place_among<kPlaced>(bits, distances, leaf);
+    }
+  }
+
   HWY_INLINE std::size_t give(std::size_t k, Neighbor* out) const {
-    // neighbor_of, a vector at a time; what the caller did not ask for stays here.
+    // neighbor_of, a vector at a time.
     static_assert(std::endian::native == std::endian::little);
-    constexpr hn::RebindToUnsigned<Keys> kBits;
-    alignas(64) std::uint64_t rows[kCapacity];
     std::size_t found = 0;
-    for (std::size_t v = 0; v < kVectors; ++v) {
-      const KeyVector key = hn::Load(kKeys, keys_ + v * kKeyLanes);
-      found += hn::CountTrue(kKeys, hn::Lt(key, hn::Set(kKeys, kNoKey)));
+    for (std::size_t first = 0; first < k; first += kKeyLanes) {
+      const KeyVector key = hn::Load(kKeys, keys_ + first);
+      const std::size_t room = std::min(k - first, kKeyLanes);
+      const std::size_t here = std::min(hn::CountTrue(kKeys, hn::Lt(key, hn::Set(kKeys, kNoKey))), room);
       const auto bits = hn::BitCast(kBits, key);
       const auto distance = hn::Sub(hn::ShiftRight<32>(bits), hn::Set(kBits, kLift));
-      hn::Store(hn::Or(distance, hn::ShiftLeft<32>(bits)), kBits, rows + v * kKeyLanes);
+      write(hn::Or(distance, hn::ShiftLeft<32>(bits)), here, out + first);
+      found += here;
     }
-    const std::size_t n = std::min(k, found);
-    std::memcpy(static_cast<void*>(out), rows, n * sizeof(Neighbor));
-    return n;
+    return found;
   }
 
  private:
+  using Rows = hn::RebindToUnsigned<Keys>;
+  static constexpr Rows kBits{};
+
+  // The first `count` neighbours of a vector of them.
+  static HWY_INLINE void write(hn::Vec<Rows> rows, std::size_t count, Neighbor* out) {
+#if HWY_TARGET <= HWY_AVX2 && HWY_ARCH_X86
+    hn::BlendedStore(rows, hn::FirstN(kBits, count), kBits, reinterpret_cast<std::uint64_t*>(out));
+#else
+    // Elsewhere a masked store may touch what it does not write.
+    alignas(64) std::uint64_t all[kKeyLanes];
+    hn::Store(rows, kBits, all);
+    std::memcpy(static_cast<void*>(out), all, count * sizeof(Neighbor));
+#endif
+  }
+
+  // Each point's place is the number of points that are nearer.
+  template <std::size_t kMost>
+  HWY_INLINE void place_among(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+    constexpr hn::RebindToUnsigned<Floats> kInts;
+    constexpr std::size_t kParts = kMost / kLanes;
+    FloatVector distance[kParts];
+    hn::Vec<decltype(kInts)> place[kParts];
+    for (std::size_t v = 0; v < kParts; ++v) {
+      distance[v] = hn::Load(kFloats, distances + v * kLanes);
+      place[v] = hn::Zero(kInts);
+    }
+    const auto one = hn::Set(kInts, 1);
+    for (std::size_t n = 0; n < leaf.count; ++n) {
+      const FloatVector other = hn::Set(kFloats, distances[n]);
+      for (std::size_t v = 0; v < kParts; ++v) {
+        const auto nearer = hn::RebindMask(kInts, hn::Lt(other, distance[v]));
+        place[v] = hn::IfThenElse(nearer, hn::Add(place[v], one), place[v]);
+      }
+    }
+    alignas(64) std::uint32_t places[kMost];
+    const auto end = hn::Set(kInts, static_cast<std::uint32_t>(wanted()));
+    std::uint64_t near = 0;
+    for (std::size_t v = 0; v < kParts; ++v) {
+      hn::Store(place[v], kInts, places + v * kLanes);
+      near |= std::uint64_t{bits_of(hn::RebindMask(kFloats, hn::Lt(place[v], end)))} << (v * kLanes);
+    }
+    near &= bits;
+    const std::uint32_t* ids = leaf.ids();
+    std::uint32_t taken = 0;
+    for (std::uint64_t rest = near; rest != 0; rest &= rest - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(rest));
+      keys_[places[lane]] = key_of(std::bit_cast<std::uint32_t>(distances[lane]), ids[lane]);
+      taken |= 1U << places[lane];
+    }
+    // Equal distances share a place and leave others empty, or are too many for the last one.
+    const std::uint32_t all = (std::uint32_t{2} << last_) - 1;
+    if (taken == all && static_cast<std::size_t>(std::popcount(near)) == wanted()) {
+      set_worst();
+    } else {
+      take_anew(near, distances, ids);
+    }
+  }
+
+  HWY_NOINLINE void take_anew(std::uint64_t bits, const float* distances, const std::uint32_t* ids) {
+    start();
+    take(bits, distances, ids);
+  }
+
   HWY_INLINE void set_worst() {
     const double last = keys_[last_];
     worst_ = last == kNoKey ? worst_ : std::min(distance_of(last), worst_);
@@ -222,6 +295,8 @@ class FewNearest {
 template <std::size_t kCapacity>
 class PlacedNearest : public FewNearest<kCapacity> {
  public:
+  static constexpr bool kPlaces = false;  // It must see every point that is taken in.
+
   using FewNearest<kCapacity>::FewNearest;
 
   void start() {
@@ -301,6 +376,8 @@ class PlacedNearest : public FewNearest<kCapacity> {
 // Any number of neighbours: a heap with the farthest on top.
 class ManyNearest {
  public:
+  static constexpr bool kPlaces = false;
+
   explicit ManyNearest(std::size_t k, std::vector<double>& room) : k_(k), heap_(room) { heap_.clear(); }
 
   [[nodiscard]] float worst() const { return worst_; }
@@ -341,6 +418,8 @@ class ManyNearest {
 // Everything within a radius.
 class Within {
  public:
+  static constexpr bool kPlaces = false;
+
   Within(float worst, std::vector<Neighbor>& out) : worst_(worst), out_(out) {}
 
   [[nodiscard]] float worst() const { return worst_; }

@@ -64,14 +64,13 @@ void nearest_rows_impl(const Tree& tree, const Point* queries, std::size_t count
 
 std::uint32_t around_impl(const Node& node, const Point& p) {
   Step step;
-  enter(spread(p), node, 0.0F, step);
+  enter<false, false>(spread(p), node, 0, 0, step);
   return step.left;
 }
 
 std::size_t nearest_child_impl(const Node& node, const Point& p) {
   Step step;
-  enter(spread(p), node, kInfinity, step);
-  return least_of(step.distance, step.left);
+  return enter<true, false>(spread(p), node, 0, kInfinity, step);
 }
 
 void collect_impl(const Tree& tree, const Point& query, float radius_squared, std::vector<Neighbor>& out) {

@@ -37,6 +37,8 @@ constexpr std::size_t kPrefetched = 704;
 constexpr std::size_t kPrefetchedShared = 384;
 constexpr std::size_t kTooMany = 6;  // More than wanted that are not worth another cut.
 constexpr int kMostCuts = 6;
+constexpr int kAnyOrder =
+    4;  // So many children are left in the order they have: sorting out the nearest costs more.
 
 // Which of the first `count` distances are at most `limit`; anything for those behind them.
 HWY_INLINE std::uint64_t at_most(const float* distances, std::size_t count, float limit) {
@@ -88,7 +90,7 @@ HWY_INLINE bool scan(const Query& q, const Leaf& leaf, float incident, Nearest& 
 // limit is sought between the least and the greatest distance, where so many lie below it.
 template <typename Nearest>
 HWY_INLINE void scan_first(const Query& q, const Leaf& leaf, float incident, Nearest& nearest) {
-  alignas(64) float distances[kLeafCapacity];
+  alignas(64) float distances[kLeafCapacity] = {};
   std::uint64_t near = measure(q, leaf, incident, nearest.worst(), distances);
   const std::size_t wanted = nearest.wanted();
   if (static_cast<std::size_t>(std::popcount(near)) <= wanted + kTooMany) {
@@ -96,6 +98,12 @@ HWY_INLINE void scan_first(const Query& q, const Leaf& leaf, float incident, Nea
       nearest.take(near, distances, leaf);
     }
     return;
+  }
+  if constexpr (Nearest::kPlaces) {
+    if (leaf.count <= kPlaced) {
+      nearest.place(near, distances, leaf);
+      return;
+    }
   }
   FloatVector least = hn::Load(kFloats, distances);
   FloatVector most = hn::Zero(kFloats);
@@ -160,59 +168,74 @@ HWY_INLINE void prefetch_child(const Node& node, std::size_t c) {
   }
 }
 
-HWY_INLINE void enter(const Query& q, const Node& node, float worst, Step& step) {
+// Lane with the least of the distances that `near` marks, to within a few units in their last place: which
+// child comes first decides nothing but the speed. In the low bits of each distance goes its lane.
+class LeastLane {
+ public:
+  HWY_INLINE LeastLane() : least_(hn::Set(kInts, 0xFFFFFFFFU)) {}
+  HWY_INLINE void look(FloatVector distance, hn::Mask<Floats> near, std::size_t first) {
+    const auto lane = hn::Iota(kInts, static_cast<std::uint32_t>(first));
+    const auto packed = hn::Or(hn::AndNot(hn::Set(kInts, kFanOut - 1), hn::BitCast(kInts, distance)), lane);
+    const auto none = hn::Set(kInts, 0xFFFFFFFFU);
+    least_ = hn::Min(least_, hn::IfThenElse(hn::RebindMask(kInts, near), packed, none));
+  }
+  [[nodiscard]] HWY_INLINE std::size_t get() const {
+    return hn::GetLane(hn::MinOfLanes(kInts, least_)) % kFanOut;
+  }
+
+ private:
+  static constexpr hn::RebindToUnsigned<Floats> kInts{};
+  hn::Vec<hn::RebindToUnsigned<Floats>> least_;
+};
+
+// Of a child that was entered, the child to visit first, if any is left. kAll: `worst` excludes nothing.
+// kShared: all points below share omega_i, whose part of the distance is `shared`.
+template <bool kAll, bool kShared>
+HWY_INLINE std::size_t enter(const Query& q, const Node& node, float shared, float worst, Step& step) {
   // What is read after the boxes comes along with them.
   prefetch(static_cast<const void*>(node.child), sizeof node.child + sizeof node.points);
   const FloatVector limit = hn::Set(kFloats, worst);
+  const std::uint32_t children = 0xFFFFU >> (kFanOut - node.children);
   std::uint32_t near = 0;
+  LeastLane least;
   for (std::size_t s = 0; s < kSteps; ++s) {
-    const FloatVector incident = to_incident_sides(q, node, s * kLanes);
+    const FloatVector incident = kShared ? hn::Set(kFloats, shared) : to_incident_sides(q, node, s * kLanes);
     const FloatVector d = hn::Add(incident, to_outgoing_sides(q, node, s * kLanes));
     hn::Store(incident, kFloats, step.incident + s * kLanes);
     hn::Store(d, kFloats, step.distance + s * kLanes);
-    near |= bits_of(hn::Le(d, limit)) << (s * kLanes);
-  }
-  step.node = &node;
-  step.left = near & (0xFFFFU >> (kFanOut - node.children));
-}
-
-// The same for a node whose points share omega_i, without looking at its incident components.
-HWY_INLINE void enter_shared(const Query& q, const Node& node, float incident, float worst, Step& step) {
-  prefetch(static_cast<const void*>(node.child), sizeof node.child + sizeof node.points);
-  const FloatVector limit = hn::Set(kFloats, worst);
-  const FloatVector part = hn::Set(kFloats, incident);
-  std::uint32_t near = 0;
-  for (std::size_t s = 0; s < kSteps; ++s) {
-    const FloatVector d = hn::Add(part, to_outgoing_sides(q, node, s * kLanes));
-    hn::Store(part, kFloats, step.incident + s * kLanes);
-    hn::Store(d, kFloats, step.distance + s * kLanes);
-    near |= bits_of(hn::Le(d, limit)) << (s * kLanes);
-  }
-  step.node = &node;
-  step.left = near & (0xFFFFU >> (kFanOut - node.children));
-}
-
-// Lane with the least of the distances that `among` marks.
-HWY_INLINE std::size_t least_of(const float* distance, std::uint32_t among) {
-  if (std::popcount(among) <= kFewLanes) {
-    auto best = static_cast<std::size_t>(std::countr_zero(among));
-    for (std::uint32_t rest = among & (among - 1); rest != 0; rest &= rest - 1) {
-      const auto lane = static_cast<std::size_t>(std::countr_zero(rest));
-      best = distance[lane] < distance[best] ? lane : best;
+    auto mask = mask_of(children >> (s * kLanes));
+    if constexpr (!kAll) {
+      mask = hn::And(hn::Le(d, limit), mask);
     }
-    return best;
+    near |= bits_of(mask) << (s * kLanes);
+    least.look(d, mask, s * kLanes);
   }
-  FloatVector least = hn::Set(kFloats, kInfinity);
+  step.node = &node;
+  step.left = near;
+  return least.get();
+}
+
+// Enters child c of the node of `step`; the next step is that child's.
+template <bool kAll>
+HWY_INLINE std::size_t enter_child(const Query& q, std::size_t c, float worst, Step*& step) {
+  const Node& node = *step->node;
+  const Node& child = *node.node(c);
+  const float incident = step->incident[c];
+  ++step;
+  return node.is_shared(c) ? enter<kAll, true>(q, child, incident, worst, *step)
+                           : enter<kAll, false>(q, child, incident, worst, *step);
+}
+
+// Child to visit next among those that `among` marks, if any.
+HWY_INLINE std::size_t next_of(const float* distance, std::uint32_t among) {
+  if (std::popcount(among) <= kAnyOrder) {
+    return static_cast<std::size_t>(std::countr_zero(among)) % kFanOut;
+  }
+  LeastLane least;
   for (std::size_t s = 0; s < kSteps; ++s) {
-    const auto mask = mask_of(among >> (s * kLanes));
-    least = hn::Min(least, hn::IfThenElse(mask, hn::Load(kFloats, distance + s * kLanes), least));
+    least.look(hn::Load(kFloats, distance + s * kLanes), mask_of(among >> (s * kLanes)), s * kLanes);
   }
-  least = hn::MinOfLanes(kFloats, least);
-  std::uint32_t equal = 0;
-  for (std::size_t s = 0; s < kSteps; ++s) {
-    equal |= bits_of(hn::Eq(hn::Load(kFloats, distance + s * kLanes), least)) << (s * kLanes);
-  }
-  return static_cast<std::size_t>(std::countr_zero(equal & among));
+  return least.get();
 }
 
 // Depth first, the nearest child first; what cannot hold anything near enough is never entered.
@@ -220,41 +243,43 @@ template <typename Nearest>
 HWY_INLINE void walk(const Node* root, const Point& query, Nearest& nearest, Step* steps) {
   const Query q = spread(query);
   Step* step = steps;
-  enter(q, *root, nearest.worst(), *step);
-  bool first = nearest.worst() == kInfinity;
+  std::size_t c = 0;
+  if (nearest.worst() == kInfinity) {
+    // Straight down to the nearest leaf.
+    c = enter<true, false>(q, *root, 0, kInfinity, *step);
+    step->left &= ~(1U << c);
+    while (!step->node->is_leaf(c)) {
+      c = enter_child<true>(q, c, kInfinity, step);
+      step->left &= ~(1U << c);
+    }
+    scan_first(q, step->node->leaf(c), step->incident[c], nearest);
+    step->left = near_children(*step, nearest.worst());
+    c = next_of(step->distance, step->left);
+  } else {
+    c = enter<false, false>(q, *root, 0, nearest.worst(), *step);
+  }
   for (;;) {
-    if (step->left == 0) {
+    while (step->left == 0) {
       if (step == steps) {
         return;
       }
       --step;
       step->left = near_children(*step, nearest.worst());
-      continue;
+      c = next_of(step->distance, step->left);
     }
-    const std::size_t c = least_of(step->distance, step->left);
     step->left &= ~(1U << c);
     const Node& node = *step->node;
-    if (!first && step->left != 0) {
+    if (step->left != 0) {
       prefetch_child(node, static_cast<std::size_t>(std::countr_zero(step->left)));
     }
-    const float incident = step->incident[c];
     if (!node.is_leaf(c)) {
-      ++step;
-      if (node.is_shared(c)) {
-        enter_shared(q, *node.node(c), incident, nearest.worst(), *step);
-      } else {
-        enter(q, *node.node(c), nearest.worst(), *step);
-      }
+      c = enter_child<false>(q, c, nearest.worst(), step);
       continue;
     }
-    const Leaf leaf = node.leaf(c);
-    if (first) {
-      first = false;
-      scan_first(q, leaf, incident, nearest);
-      step->left = near_children(*step, nearest.worst());
-    } else if (scan(q, leaf, incident, nearest)) {
+    if (scan(q, node.leaf(c), step->incident[c], nearest)) {
       step->left = near_children(*step, nearest.worst());
     }
+    c = next_of(step->distance, step->left);
   }
 }
 
