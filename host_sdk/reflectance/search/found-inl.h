@@ -184,13 +184,14 @@ class FewNearest {
     set_worst();
   }
 
-  /// The same as `take` for the first leaf of a search, when it has at most kPlaced points and `bits` marks
-  /// at least wanted() of them. distances: all kPlaced can be read.
-  HWY_INLINE void place(std::uint64_t bits, const float* distances, const Leaf& leaf) {
-    if (leaf.count <= kPlaced - 16) {
-      place_among<kPlaced - 16>(bits, distances, leaf);
+  /// The same as `take` while nothing was taken in yet, from at most kPlaced points of which `bits` marks at
+  /// least wanted(). All kPlaced distances can be read.
+  HWY_INLINE void place(std::uint64_t bits, const float* distances, const std::uint32_t* ids,
+                        std::size_t count) {
+    if (count <= 32) {
+      place_among<32>(bits, distances, ids, count);
     } else {
-      place_among<kPlaced>(bits, distances, leaf);
+      place_among<kPlaced>(bits, distances, ids, count);
     }
   }
 
@@ -228,7 +229,8 @@ class FewNearest {
 
   // Each point's place is the number of points that are nearer.
   template <std::size_t kMost>
-  HWY_INLINE void place_among(std::uint64_t bits, const float* distances, const Leaf& leaf) {
+  HWY_INLINE void place_among(std::uint64_t bits, const float* distances, const std::uint32_t* ids,
+                              std::size_t count) {
     constexpr hn::RebindToUnsigned<Floats> kInts;
     constexpr std::size_t kParts = kMost / kLanes;
     FloatVector distance[kParts];
@@ -238,7 +240,7 @@ class FewNearest {
       place[v] = hn::Zero(kInts);
     }
     const auto one = hn::Set(kInts, 1);
-    for (std::size_t n = 0; n < leaf.count; ++n) {
+    for (std::size_t n = 0; n < count; ++n) {
       const FloatVector other = hn::Set(kFloats, distances[n]);
       for (std::size_t v = 0; v < kParts; ++v) {
         const auto nearer = hn::RebindMask(kInts, hn::Lt(other, distance[v]));
@@ -253,7 +255,6 @@ class FewNearest {
       near |= std::uint64_t{bits_of(hn::RebindMask(kFloats, hn::Lt(place[v], end)))} << (v * kLanes);
     }
     near &= bits;
-    const std::uint32_t* ids = leaf.ids();
     std::uint32_t taken = 0;
     for (std::uint64_t rest = near; rest != 0; rest &= rest - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(rest));

@@ -26,7 +26,8 @@ constexpr std::size_t kGroup = 32;      // Most queries that look through the sa
 constexpr std::size_t kEnough = 16;     // and how many do not wait for those of the next leaf.
 constexpr std::size_t kLeastGroup = 4;  // Fewer walk alone.
 constexpr std::size_t kMostLeaves = 128;
-constexpr std::size_t kBits = 64;  // Leaves that one mask tells of.
+constexpr std::size_t kBits = 64;    // Leaves that one mask tells of.
+constexpr std::size_t kMerged = 15;  // Candidates that merging takes less time for than ranking.
 constexpr float kTighter = 0.98F;
 constexpr float kWider = 1.2F;
 constexpr float kMostStretch = 4;
@@ -391,8 +392,12 @@ class Rows {
     nearest_.start();
     const bool few_enough = gather(list_, sides_, q, guess, candidates_);
     if (few_enough && candidates_.count >= k_) {
-      nearest_.take(~std::uint64_t{0} >> (Candidates::kMost - candidates_.count), candidates_.distance,
-                    candidates_.id);
+      const std::uint64_t all = ~std::uint64_t{0} >> (Candidates::kMost - candidates_.count);
+      if (candidates_.count > kMerged && candidates_.count <= kPlaced) {
+        nearest_.place(all, candidates_.distance, candidates_.id, candidates_.count);
+      } else {
+        nearest_.take(all, candidates_.distance, candidates_.id);
+      }
       stretch_ *= candidates_.count > k_ + k_ / 2 ? kTighter : 1.0F;
     } else {
       stretch_ = std::min(few_enough ? stretch_ * kWider : stretch_ * kTighter, kMostStretch);

@@ -101,7 +101,7 @@ HWY_INLINE void scan_first(const Query& q, const Leaf& leaf, float incident, Nea
   }
   if constexpr (Nearest::kPlaces) {
     if (leaf.count <= kPlaced) {
-      nearest.place(near, distances, leaf);
+      nearest.place(near, distances, leaf.ids(), leaf.count);
       return;
     }
   }
