@@ -159,7 +159,7 @@ HWY_INLINE void measure_sides(const Shortlist& list, const Query& q, Sides& side
 // Points near enough, not sorted.
 struct Candidates {
   static constexpr std::size_t kMost = 64;
-  alignas(64) float distance[kMost + kLeafCapacity + kLanes];
+  alignas(64) float distance[kMost + kLeafCapacity + kLanes] = {};
   alignas(64) std::uint32_t id[kMost + kLeafCapacity + kLanes];
   std::size_t count = 0;
 
