@@ -29,10 +29,11 @@ namespace scatter::formats {
 /// that the sample was rotated; plane-symmetric data are mirrored. Uneven angles become the even grid
 /// that has them all as nodes, what lies between is kInterpolated. XYZ: three channels as they are,
 /// metadata "spectral_content". Metadata also "sample", "side", "comments" (those of others), and
-/// "notes" where TIS and the integral of the values differ by more than 5 %.
-/// Errors  kDataLoss: line, expected, found. kUnimplemented: angles of which no even grid of sensible size
-/// can be made, or
-///         several scatter types or sides in one file.
+/// "notes" where TIS and the integral of the values differ by more than 5 %, and "warnings" (one line
+/// each) of a TIS below 0 or above 1.2. Model may be missing (it names the sample and nothing else); a
+/// Wavelength is 100..1000000 nm, or 0 where there is one channel, or tristimulus values.
+/// Errors  kDataLoss: line, expected, found. kUnimplemented, with the line: angles of which no even grid
+///         of sensible size can be made, or several scatter types or sides in one file.
 [[nodiscard]] Result<reflectance::GridBrdf> decode_minidiff(std::string_view text, std::string_view name);
 [[nodiscard]] Result<reflectance::GridBrdf> read_minidiff(const std::filesystem::path& path);
 

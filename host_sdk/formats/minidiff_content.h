@@ -8,17 +8,19 @@
 
 #include "host_sdk/error/error.h"
 #include "host_sdk/formats/even_grid.h"
+#include "host_sdk/formats/reader_warnings.h"
 #include "host_sdk/reflectance/grid_brdf.h"
 
 namespace scatter::formats {
 
 struct MiniDiffContent {
-  /// Values of one incidence, in the order in which channels came.
+  /// Values of one incidence, in the order in which channels came: the same for every incidence.
   struct Incidence {
     double aoi_deg = 0;
     double poi_deg = 0;
     /// Wavelengths [nm], or 0 1 2 for tristimulus X Y Z: what tells the channels apart.
     std::vector<double> keys;
+    std::vector<std::size_t> places;  ///< TextScanner::place() of each channel's block.
     std::vector<double> totals;
     std::vector<std::vector<float>> planes;  ///< [radial * phi_deg.size() + azimuth]
   };
@@ -30,10 +32,11 @@ struct MiniDiffContent {
   EvenLayout layout;
   std::vector<Incidence> incidences;
   std::map<std::string, std::string> metadata;
+  ReaderWarnings warnings;
   std::vector<std::string_view> comments;  ///< As TextScanner::comments().
 };
 
-/// Errors  kDataLoss, kUnimplemented: without the file's name.
+/// `content` has incidences. Errors  kDataLoss, kUnimplemented: without the file's name.
 [[nodiscard]] Result<reflectance::GridBrdf> grid_of(MiniDiffContent content);
 
 }  // namespace scatter::formats

@@ -54,6 +54,7 @@ class Builder {
     for (auto& [key, value] : fields->metadata) {
       out_.metadata.insert_or_assign(key, std::move(value));
     }
+    in_.warnings.put_into(out_.metadata);
     std::vector<GridPart> places;
     for (const GridPart& part : out_.parts) {
       places.push_back({.rotation_rad = part.rotation_rad,
@@ -82,14 +83,6 @@ class Builder {
       out_.wavelengths_nm.assign(keys.begin(), keys.end());
     }
     for (Incidence& incidence : in_.incidences) {
-      if (incidence.keys != keys || (in_.tristimulus && keys != std::vector<double>{0, 1, 2})) {
-        return fail(ErrorCode::kDataLoss,
-                    fmt::format("AOI {} has {} channels, expected {} in the same order", incidence.aoi_deg,
-                                incidence.keys.size(),
-                                in_.tristimulus ? "TrisX, TrisY and TrisZ"
-                                                : fmt::format("the {} of the first incidence", keys.size())),
-                    "export the file again, all incidences with the same channels");
-      }
       auto part = part_of(incidence, rotated);
       if (!part) {
         return std::unexpected(part.error());

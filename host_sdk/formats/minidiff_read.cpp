@@ -50,11 +50,14 @@ class Decoder {
     std::optional<double> aoi, poi, wavelength, total, tristimulus;
     std::optional<ScatterType> type;
     std::string_view side;
+    std::size_t place = 0;
   };
 
-  [[nodiscard]] std::unexpected<Error> unimplemented(std::string_view what) const {
-    return fail(ErrorCode::kUnimplemented, fmt::format("{}: {}", name_, what),
-                "export one type and side per file, on a grid about the normal");
+  [[nodiscard]] std::unexpected<Error> unimplemented(std::size_t place, std::string_view what,
+                                                     std::string_view remedy) const {
+    auto error = scan_.error_at(place, what, remedy);
+    error.error().code = ErrorCode::kUnimplemented;
+    return error;
   }
 
   Status read_header() {
@@ -68,9 +71,12 @@ class Decoder {
         return status;
       }
     }
-    for (std::size_t key = kSymmetry; key < kKeys.size(); ++key) {
+    // Model names the sample and nothing else: files without it are whole.
+    for (std::size_t key = kSource; key < kKeys.size(); ++key) {
       if (!seen[key]) {
-        return scan_.error(fmt::format("{} is missing before DataBegin", kKeys[key]));
+        return scan_.error(fmt::format("{} is missing before DataBegin", kKeys[key]),
+                           key == kSource ? "add the line 'Source  Measured' to the header"
+                                          : "export the file again or add the keyword to the header");
       }
     }
     return {};
@@ -106,11 +112,16 @@ class Decoder {
         return {};
       case kAzimuth:
       case kRadial: {
-        auto axis = scan_.list(kKeys[key], kLongestAxis);
+        auto axis = scan_.angles(kKeys[key], kLongestAxis, 0, key == kAzimuth ? 360 : 90);
         if (!axis) {
           return std::unexpected(axis.error());
         }
-        (key == kAzimuth ? azimuth_ : content_.radial_deg) = std::move(*axis);
+        if (key == kAzimuth) {
+          azimuth_ = std::move(axis->deg);
+          azimuth_places_ = std::move(axis->places);
+        } else {
+          content_.radial_deg = std::move(axis->deg);
+        }
         return {};
       }
     }
@@ -119,16 +130,14 @@ class Decoder {
 
   /// The angles of the grid in memory: without 360, and without the half that a mirror gives.
   Status set_axes() {
-    const auto ascending = [](const std::vector<double>& axis) {
-      return std::ranges::adjacent_find(axis, [](double a, double b) { return !(a < b); }) == axis.end();
-    };
-    if (!ascending(content_.radial_deg) || content_.radial_deg.front() < 0 ||
-        content_.radial_deg.back() > 90 + kSameAngleDeg) {
-      return scan_.error("ScatterRadial does not ascend from 0 to at most 90");
-    }
-    const double range = content_.plane_symmetric ? 180 : 360;
-    if (!ascending(azimuth_) || azimuth_.front() < 0 || azimuth_.back() > range + kSameAngleDeg) {
-      return scan_.error(fmt::format("ScatterAzimuth does not ascend from 0 to at most {}", range));
+    const auto beyond =
+        static_cast<std::size_t>(std::ranges::upper_bound(azimuth_, 180 + kSameAngleDeg) - azimuth_.begin());
+    if (content_.plane_symmetric && beyond < azimuth_.size()) {
+      return scan_.error_at(
+          azimuth_places_[beyond],
+          fmt::format("ScatterAzimuth {} of {} is {:.10g} deg, expected 0..180 of PlaneSymmetrical",
+                      beyond + 1, azimuth_.size(), azimuth_[beyond]),
+          "state Symmetry Asymmetric, or keep the half 0..180 only");
     }
     content_.phi_deg = azimuth_;
     if (std::abs(content_.phi_deg.back() - 360) < kSameAngleDeg) {
@@ -141,7 +150,9 @@ class Decoder {
     }
     const auto layout = even_layout(content_.radial_deg, content_.phi_deg, 90, 360);
     if (!layout) {
-      return unimplemented("ScatterAzimuth and ScatterRadial make no even grid of a sensible size");
+      return unimplemented(azimuth_places_.front(),
+                           "ScatterAzimuth and ScatterRadial make no even grid of a sensible size",
+                           "export on angles that are multiples of one step");
     }
     content_.layout = *layout;
     return {};
@@ -149,6 +160,8 @@ class Decoder {
 
   Result<BlockHead> read_head() {
     BlockHead head;
+    (void)scan_.peek();
+    head.place = scan_.place();
     const auto number = [&](std::string_view word, std::optional<double>& slot) -> Status {
       if (slot) {
         return scan_.error(fmt::format("{} is there twice in one block", word));
@@ -158,7 +171,7 @@ class Decoder {
         return std::unexpected(value.error());
       }
       slot = *value;
-      return {};
+      return check(word, *value);
     };
     for (bool more = true; more;) {
       Status status;
@@ -173,10 +186,7 @@ class Decoder {
       } else if (scan_.take_if("TristimulusValue")) {
         status = read_tristimulus(head);
       } else if (scan_.take_if("Side")) {
-        head.side = scan_.take();
-        status = same_word(head.side, "Front") || same_word(head.side, "Back")
-                     ? Status{}
-                     : scan_.error("Side is neither Front nor Back");
+        status = read_side(head);
       } else if (scan_.take_if("ScatterType")) {
         if (head.type) {
           status = scan_.error("ScatterType is there twice in one block");
@@ -194,12 +204,59 @@ class Decoder {
         return std::unexpected(status.error());
       }
     }
-    if (!head.aoi || !head.poi || !(content_.tristimulus ? head.tristimulus : head.wavelength) ||
-        !head.type || !head.total) {
-      return scan_.expected(fmt::format("AOI, POI, Side, {}, ScatterType and TIS of a block",
-                                        content_.tristimulus ? "TristimulusValue" : "Wavelength"));
+    const char* channel = content_.tristimulus ? "TristimulusValue" : "Wavelength";
+    const char* missing = !head.aoi                                                      ? "AOI"
+                          : !head.poi                                                    ? "POI"
+                          : head.side.empty()                                            ? "Side"
+                          : !(content_.tristimulus ? head.tristimulus : head.wavelength) ? channel
+                          : !head.type                                                   ? "ScatterType"
+                          : !head.total                                                  ? "TIS"
+                                                                                         : nullptr;
+    if (missing != nullptr) {
+      return scan_.expected(fmt::format("AOI, POI, Side, {}, ScatterType and TIS of a block ({} is missing)",
+                                        channel, missing));
     }
     return head;
+  }
+
+  /// A number of a block's head that has just been read.
+  Status check(std::string_view word, double value) {
+    if (word == "AOI" && !(value >= 0 && value < 90)) {
+      return scan_.error(fmt::format("AOI {} deg, expected 0 <= AOI < 90", value),
+                         "state the angle of the light to the normal in degrees");
+    }
+    if (word == "POI" && !(std::abs(value) <= 360)) {
+      return scan_.error(fmt::format("POI {} deg, expected POI within a turn", value),
+                         "state the azimuth of the light in degrees -360..360");
+    }
+    // 0: not stated, as in files of one channel or of tristimulus values.
+    if (word == "Wavelength" && value != 0 && !is_wavelength(value)) {
+      return scan_.error(
+          fmt::format("Wavelength {} nm, expected {}, or 0 where there is none", value, kWavelengthRange),
+          kWavelengthRemedy);
+    }
+    if (word == "TIS" && (value < 0 || value > kLargestTotal)) {
+      // Its line takes a pass over the text: only where it will be told.
+      content_.warnings.add(
+          content_.warnings.is_full()
+              ? std::string()
+              : fmt::format("line {}: TIS {:g}, expected 0..1 (the share of the light that is "
+                            "scattered): not used",
+                            scan_.line_at(scan_.place()), value));
+    }
+    return {};
+  }
+
+  Status read_side(BlockHead& head) {
+    if (!head.side.empty()) {
+      return scan_.error("Side is there twice in one block");
+    }
+    const std::string_view word = scan_.peek();
+    if (!same_word(word, "Front") && !same_word(word, "Back")) {
+      return scan_.expected("Side Front or Back");
+    }
+    head.side = scan_.take();
+    return {};
   }
 
   Status read_tristimulus(BlockHead& head) {
@@ -221,12 +278,9 @@ class Decoder {
     if (!head) {
       return std::unexpected(head.error());
     }
-    if (!(*head->aoi >= 0 && *head->aoi < 90) || !(std::abs(*head->poi) <= 360)) {
-      return scan_.error(
-          fmt::format("AOI {} POI {}, expected 0 <= AOI < 90 and POI within a turn", *head->aoi, *head->poi));
-    }
     if (!content_.incidences.empty() && (*head->type != content_.type || !same_word(head->side, side_))) {
-      return unimplemented("several scatter types or sides in one file are not read yet");
+      return unimplemented(head->place, "several scatter types or sides in one file are not read yet",
+                           "export one type and side per file");
     }
     content_.type = *head->type;
     side_ = head->side;
@@ -245,13 +299,14 @@ class Decoder {
              std::abs(i.poi_deg - *head->poi) < kSameAngleDeg;
     });
     if (it == content_.incidences.end()) {
-      it = content_.incidences.insert(it, {*head->aoi, *head->poi, {}, {}, {}});
+      it = content_.incidences.insert(it, {*head->aoi, *head->poi, {}, {}, {}, {}});
     }
     if (std::ranges::find(it->keys, key) != it->keys.end()) {
-      return scan_.error(fmt::format("AOI {} POI {} {} {} is there twice", *head->aoi, *head->poi,
-                                     content_.tristimulus ? "TristimulusValue" : "Wavelength", key));
+      return scan_.error_at(head->place, fmt::format("AOI {} POI {} {} is there twice", *head->aoi,
+                                                     *head->poi, channel_name(key)));
     }
     it->keys.push_back(key);
+    it->places.push_back(head->place);
     it->totals.push_back(*head->total);
     it->planes.push_back(std::move(plane));
     return {};
@@ -280,11 +335,56 @@ class Decoder {
     return {};
   }
 
+  [[nodiscard]] std::string channel_name(double key) const {
+    constexpr std::array<std::string_view, 3> kValues{"TrisX", "TrisY", "TrisZ"};
+    return content_.tristimulus ? fmt::format("TristimulusValue {}", kValues[static_cast<std::size_t>(key)])
+                                : fmt::format("Wavelength {}", key);
+  }
+
+  /// Every incidence has the channels of the first, in its order.
+  Status check_channels() const {
+    constexpr std::string_view kRemedy = "export the file again, all incidences with the same channels";
+    const auto& incidences = content_.incidences;
+    const std::vector<double> expected =
+        content_.tristimulus ? std::vector<double>{0, 1, 2} : incidences.front().keys;
+    for (const Incidence& i : incidences) {
+      const auto same = std::ranges::mismatch(i.keys, expected);
+      const auto k = static_cast<std::size_t>(same.in1 - i.keys.begin());
+      const std::string who = fmt::format("AOI {} POI {}", i.aoi_deg, i.poi_deg);
+      if (k < i.keys.size()) {
+        return scan_.error_at(
+            i.places[k],
+            fmt::format("{} has {} as channel {}, expected {}", who, channel_name(i.keys[k]), k + 1,
+                        k < expected.size() ? channel_name(expected[k])
+                                            : fmt::format("the {} of the first incidence", expected.size())),
+            kRemedy);
+      }
+      if (k < expected.size()) {
+        return scan_.error_at(i.places.back(),
+                              fmt::format("{} has {} channels, expected {}: {} is missing", who, k,
+                                          expected.size(), channel_name(expected[k])),
+                              kRemedy);
+      }
+      // 0 is no wavelength, so no channel can be told from others by it.
+      const auto none = std::ranges::find(i.keys, 0.0);
+      if (!content_.tristimulus && i.keys.size() > 1 && none != i.keys.end()) {
+        return scan_.error_at(i.places[static_cast<std::size_t>(none - i.keys.begin())],
+                              fmt::format("{} has Wavelength 0 as one of {} channels, expected {}", who,
+                                          i.keys.size(), kWavelengthRange),
+                              kWavelengthRemedy);
+      }
+    }
+    return {};
+  }
+
   Result<GridBrdf> finish() {
     if (content_.incidences.empty()) {
       return scan_.expected("AOI of a first block");
     }
-    content_.metadata["side"] = side_.empty() ? "Front" : side_;
+    if (Status status = check_channels(); !status) {
+      return std::unexpected(status.error());
+    }
+    content_.metadata["side"] = side_;
     content_.comments = scan_.comments();
     auto grid = grid_of(std::move(content_));
     if (!grid) {
@@ -296,6 +396,7 @@ class Decoder {
   TextScanner scan_;
   std::string_view name_;
   std::vector<double> azimuth_;  ///< As in the file; content_.phi_deg as in memory.
+  std::vector<std::size_t> azimuth_places_;
   std::string_view side_;
   MiniDiffContent content_;
 };

@@ -12,6 +12,8 @@ namespace scatter::formats {
 namespace {
 
 constexpr std::size_t kForeignComments = 100;
+/// Rounding of angles that a program computed.
+constexpr double kSameAngleDeg = 5e-7;
 
 char lower(char c) noexcept {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
@@ -48,9 +50,9 @@ void TextScanner::skip_comment() {
   at_ = stop;
 }
 
-std::size_t TextScanner::line() const noexcept {
+std::size_t TextScanner::line_at(std::size_t place) const noexcept {
   std::size_t lines = 1;
-  for (const char* c = start_; c != at_; ++c) {
+  for (const char* c = start_; c != start_ + place; ++c) {
     lines += *c == '\n' || (*c == '\r' && (c + 1 == end_ || c[1] != '\n')) ? 1 : 0;
   }
   return lines;
@@ -157,23 +159,40 @@ Result<std::size_t> TextScanner::count(std::string_view what, std::size_t limit)
   return value;
 }
 
-Result<std::vector<double>> TextScanner::list(std::string_view what, std::size_t limit) {
+Result<TextScanner::Angles> TextScanner::angles(std::string_view what, std::size_t limit, double lowest_deg,
+                                                double highest_deg) {
   const auto size = count(what, limit);
   if (!size) {
     return std::unexpected(size.error());
   }
-  std::vector<double> out(*size);
-  for (std::size_t k = 0; k < out.size(); ++k) {
-    if (!parse(out[k])) {
-      return expected(fmt::format("{} {} of {} (a number)", what, k + 1, out.size()));
+  Angles out{.deg = std::vector<double>(*size), .places = std::vector<std::size_t>(*size)};
+  for (std::size_t k = 0; k < out.deg.size(); ++k) {
+    skip();
+    out.places[k] = place();
+    double& angle = out.deg[k];
+    if (!parse(angle)) {
+      return expected(fmt::format("{} {} of {} (a number)", what, k + 1, out.deg.size()));
+    }
+    if (!(angle >= lowest_deg - kSameAngleDeg && angle <= highest_deg + kSameAngleDeg)) {
+      return error_at(out.places[k],
+                      fmt::format("{} {} of {} is {:.10g} deg, expected {:g}..{:g}", what, k + 1,
+                                  out.deg.size(), angle, lowest_deg, highest_deg),
+                      fmt::format("state {} in degrees {:g}..{:g}", what, lowest_deg, highest_deg));
+    }
+    if (k > 0 && !(angle > out.deg[k - 1])) {
+      return error_at(out.places[k],
+                      fmt::format("{} {} of {} is {:.10g} deg after {:.10g}, expected ascending angles", what,
+                                  k + 1, out.deg.size(), angle, out.deg[k - 1]),
+                      "sort the angles, and the values with them, in ascending order");
     }
   }
   return out;
 }
 
-std::unexpected<Error> TextScanner::error(std::string_view what) const {
-  return fail(ErrorCode::kDataLoss, fmt::format("{}: line {}: {}", name_, line(), what),
-              "export the file again or correct this line");
+std::unexpected<Error> TextScanner::error_at(std::size_t place, std::string_view what,
+                                             std::string_view remedy) const {
+  return fail(ErrorCode::kDataLoss, fmt::format("{}: line {}: {}", name_, line_at(place), what),
+              std::string(remedy));
 }
 
 std::unexpected<Error> TextScanner::expected(std::string_view what) {

@@ -39,8 +39,15 @@ class TextScanner {
   [[nodiscard]] Status numbers(std::string_view what, std::span<float> out);
   /// A count 1..limit whose items, of two bytes at least, can still follow.
   [[nodiscard]] Result<std::size_t> count(std::string_view what, std::size_t limit);
-  /// A count and that many numbers.
-  [[nodiscard]] Result<std::vector<double>> list(std::string_view what, std::size_t limit);
+  /// Angles [deg] with the places where they stand, for a check that needs what comes later.
+  struct Angles {
+    std::vector<double> deg;
+    std::vector<std::size_t> places;
+  };
+  /// A count and that many angles lowest..highest, each above the one before.
+  /// Errors  kDataLoss: the line of the angle that is wrong.
+  [[nodiscard]] Result<Angles> angles(std::string_view what, std::size_t limit, double lowest_deg,
+                                      double highest_deg);
 
   [[nodiscard]] std::size_t remaining() const noexcept { return static_cast<std::size_t>(end_ - at_); }
   /// Comments passed so far, with their "#", without the line end: those that begin with
@@ -48,8 +55,16 @@ class TextScanner {
   [[nodiscard]] const std::vector<std::string_view>& comments() const noexcept { return comments_; }
   static constexpr std::string_view kKeptPrefix = "# scatter.";
 
+  /// Byte of the text that comes next, for error_at().
+  [[nodiscard]] std::size_t place() const noexcept { return static_cast<std::size_t>(at_ - start_); }
   /// "file.bsdf: line 12: what".
-  [[nodiscard]] std::unexpected<Error> error(std::string_view what) const;
+  [[nodiscard]] std::unexpected<Error> error(std::string_view what, std::string_view remedy = kMend) const {
+    return error_at(place(), what, remedy);
+  }
+  [[nodiscard]] std::unexpected<Error> error_at(std::size_t place, std::string_view what,
+                                                std::string_view remedy = kMend) const;
+  /// Lines are counted when somebody asks: not once per value.
+  [[nodiscard]] std::size_t line_at(std::size_t place) const noexcept;
   /// The same with "expected ..., found ..." of the next word.
   [[nodiscard]] std::unexpected<Error> expected(std::string_view what);
 
@@ -69,9 +84,8 @@ class TextScanner {
     return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\f' || c == '\v';
   }
   void skip_comment();
+  static constexpr std::string_view kMend = "export the file again or correct this line";
   [[nodiscard]] bool parse(double& value);
-  /// Lines are counted when somebody asks: not once per value.
-  [[nodiscard]] std::size_t line() const noexcept;
 
   const char* start_;
   const char* at_;

@@ -31,8 +31,10 @@ struct ZemaxOptions {
 /// own writer is turned back into the RGB that it was made of). Metadata "spectral_content",
 /// "source", "comments" (those of others), and "notes" (one line each): where the stated total
 /// scatter (TIS) and the integral of the values differ by more than 5 %, both with their ratio,
-/// and when the values look cosine-weighted.
-/// Errors  kDataLoss: line, expected, found; `name` goes into messages.
+/// and when the values look cosine-weighted. Metadata "warnings" (one line each): a stated total
+/// below 0 or above 1.2, with its line, and angles that look like radians.
+/// Errors  kDataLoss: line, expected, found; `name` goes into messages. Every keyword of the header
+///         must be there once, angles within their ranges in ascending order.
 /// Cost    one pass, about 10 ns per value; memory in proportion to the text.
 [[nodiscard]] Result<reflectance::SpecularGridBrdf> decode_zemax(std::string_view text,
                                                                  std::string_view name);

@@ -7,6 +7,7 @@
 
 #include "host_sdk/formats/comment_fields.h"
 #include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/formats/reader_warnings.h"
 #include "host_sdk/formats/text_scanner.h"
 #include "host_sdk/formats/tristimulus.h"
 #include "host_sdk/formats/zemax.h"
@@ -24,6 +25,8 @@ constexpr double kToldMismatch = 0.05;
 /// 80 deg miss up to 17 %, the two differ by 50 % and more.
 constexpr double kRoughly = 0.25;
 constexpr std::size_t kToldBlocks = 20;
+constexpr double kLargestIncidenceDeg = 89.9999;
+constexpr double kSameAngleDeg = 5e-7;
 
 struct Section {
   std::string_view word;
@@ -95,11 +98,25 @@ class Decoder {
         return status;
       }
     }
-    for (std::size_t key = kSymmetry; key < kKeys.size(); ++key) {
+    for (std::size_t key = 0; key < kKeys.size(); ++key) {
       if (!seen[key]) {
-        return scan_.error(fmt::format("{} is missing before the data", kKeys[key]));
+        return scan_.error(fmt::format("{} is missing before the data", kKeys[key]),
+                           key == kSource ? "add the line 'Source  Measured' to the header"
+                                          : "export the file again or add the keyword to the header");
       }
     }
+    // Symmetry may come after the azimuths that it bounds.
+    const auto& azimuth = azimuth_.deg;
+    const auto beyond =
+        static_cast<std::size_t>(std::ranges::upper_bound(azimuth, 180 + kSameAngleDeg) - azimuth.begin());
+    if (content_.plane_symmetric && beyond < azimuth.size()) {
+      return scan_.error_at(azimuth_.places[beyond],
+                            fmt::format("ScatterAzimuth {} of {} is {:.10g} deg, expected 0..180 of "
+                                        "PlaneSymmetrical",
+                                        beyond + 1, azimuth.size(), azimuth[beyond]),
+                            "state Symmetry Asymmetrical, or keep the half 0..180 only");
+    }
+    content_.azimuth = in_radians(std::move(azimuth_.deg));
     return {};
   }
 
@@ -120,13 +137,19 @@ class Decoder {
         }
         return {};
       case kRotation:
-        return read_axis(key, content_.rotation);
+        return read_axis(key, 360, content_.rotation);
       case kIncidence:
-        return read_axis(key, content_.theta_i);
-      case kAzimuth:
-        return read_axis(key, content_.azimuth);
+        return read_axis(key, kLargestIncidenceDeg, content_.theta_i);
+      case kAzimuth: {
+        auto angles = scan_.angles(kKeys[key], kLongestAxis, 0, 360);
+        if (!angles) {
+          return std::unexpected(angles.error());
+        }
+        azimuth_ = std::move(*angles);
+        return {};
+      }
       case kRadial:
-        return read_axis(key, content_.radial);
+        return read_axis(key, 180, content_.radial);
     }
     return {};
   }
@@ -154,12 +177,12 @@ class Decoder {
     return {};
   }
 
-  Status read_axis(Key key, std::vector<double>& axis) {
-    auto angles = scan_.list(kKeys[key], kLongestAxis);
+  Status read_axis(Key key, double highest_deg, std::vector<double>& axis) {
+    auto angles = scan_.angles(kKeys[key], kLongestAxis, 0, highest_deg);
     if (!angles) {
       return std::unexpected(angles.error());
     }
-    axis = in_radians(std::move(*angles));
+    axis = in_radians(std::move(angles->deg));
     return {};
   }
 
@@ -195,6 +218,9 @@ class Decoder {
         if (!total) {
           return std::unexpected(total.error());
         }
+        if (*total < 0 || *total > kLargestTotal) {
+          warn_of_total(*total);
+        }
         content_.stated_total[section->channel].push_back(*total);
         if (Status status = scan_.numbers("value", std::span(plane).subspan(b * block, block)); !status) {
           return status;
@@ -206,6 +232,15 @@ class Decoder {
       return scan_.expected("the end of the file");
     }
     return {};
+  }
+
+  void warn_of_total(double total) {
+    // Its line takes a pass over the text: only where it will be told.
+    warnings_.add(warnings_.is_full()
+                      ? std::string()
+                      : fmt::format("line {}: TIS {:g}, expected 0..1 (the share of the light that is "
+                                    "scattered): not used",
+                                    scan_.line_at(scan_.place()), total));
   }
 
   /// What our own writer left in the comments; of others, the comments themselves.
@@ -227,6 +262,14 @@ class Decoder {
       if (!wavelengths) {
         return in_file(wavelengths.error());
       }
+      for (const float nm : *wavelengths) {
+        if (!is_wavelength(nm)) {
+          return fail(
+              ErrorCode::kDataLoss,
+              fmt::format("{}: # scatter.@wavelengths_nm: {:g} nm, expected {}", name_, nm, kWavelengthRange),
+              std::string(kWavelengthRemedy));
+        }
+      }
       content_.wavelengths_nm = std::move(*wavelengths);
     }
     if (const auto it = own.find("tristimulus_of"); it != own.end() && channels_ == 3) {
@@ -245,7 +288,19 @@ class Decoder {
     for (auto& [key, value] : fields->metadata) {
       content_.metadata.insert_or_assign(key, std::move(value));
     }
+    warnings_.put_into(content_.metadata);
     return {};
+  }
+
+  /// Every axis ends where it would in radians; in degrees these would be a spot of the hemisphere.
+  static bool looks_like_radians(const SpecularGridBrdf::Content& content) {
+    constexpr double kRounding = 0.01;
+    const auto up_to = [](const std::vector<double>& axis, double highest) {
+      return reflectance::degrees(axis.back()) <= highest + kRounding;
+    };
+    return content.azimuth.size() > 1 && up_to(content.rotation, 2 * reflectance::kPi) &&
+           up_to(content.theta_i, reflectance::kPi / 2) && up_to(content.azimuth, 2 * reflectance::kPi) &&
+           up_to(content.radial, reflectance::kPi);
   }
 
   /// TIS is advisory (formats.md 1): recomputed, and told where it disagrees.
@@ -291,6 +346,16 @@ class Decoder {
       notes += "TIS fits the integral without cosine: the values may be cosine-weighted\n";
     }
     SpecularGridBrdf::Content noted = content;
+    if (looks_like_radians(content)) {
+      ReaderWarnings warning;
+      warning.add(fmt::format(
+          "the angles look like radians: AngleOfIncidence up to {:.4g}, ScatterAzimuth up to {:.4g} and "
+          "ScatterRadial up to {:.4g} are read as degrees, and TIS does not fit; if so, write them in "
+          "degrees",
+          reflectance::degrees(content.theta_i.back()), reflectance::degrees(content.azimuth.back()),
+          reflectance::degrees(content.radial.back())));
+      warning.put_into(noted.metadata);
+    }
     // Notes that came along in the comments are about the data that this file was made from.
     if (std::string& earlier = noted.metadata["notes"]; earlier.find(notes) == std::string::npos) {
       earlier += notes;
@@ -301,6 +366,8 @@ class Decoder {
   TextScanner scan_;
   std::string_view name_;
   std::size_t channels_ = 1;
+  TextScanner::Angles azimuth_;
+  ReaderWarnings warnings_;
   SpecularGridBrdf::Content content_;
 };
 

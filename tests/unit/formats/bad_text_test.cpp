@@ -31,12 +31,12 @@ std::vector<TextFile> text_files() {
   std::vector<TextFile> out{
       {"zemax",
        "",
-       {"Symmetry  ", "SpectralContent  ", "ScatterType  ", "SampleRotation  ", "AngleOfIncidence  ",
-        "ScatterAzimuth  ", "ScatterRadial  ", "Monochrome\nDataBegin", "TIS "}},
+       {"Source  ", "Symmetry  ", "SpectralContent  ", "ScatterType  ", "SampleRotation  ",
+        "AngleOfIncidence  ", "ScatterAzimuth  ", "ScatterRadial  ", "Monochrome\nDataBegin", "TIS "}},
       {"minidiff",
        "",
-       {"Symmetry\t", "SpectralContent\t", "ScatterAzimuth\t", "ScatterRadial\t", "DataBegin", "AOI ", "POI ",
-        "Wavelength ", "ScatterType ", "TIS "}},
+       {"Source\t", "Symmetry\t", "SpectralContent\t", "ScatterAzimuth\t", "ScatterRadial\t", "DataBegin",
+        "AOI ", "POI ", "Side ", "Wavelength ", "ScatterType ", "TIS "}},
       {"bird",
        "",
        {"\"theta_i\"", "\"phi_i\"", "\"theta_r\"", "\"phi_r\"", "\"BRDF\": {", "\"unit\"", "\"data\""}}};

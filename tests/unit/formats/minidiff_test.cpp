@@ -154,20 +154,43 @@ TEST_CASE("A MiniDiff file with a fault names the line and what was expected") {
         Case{replaced(kSmall, "1\t4\t5", "1\t4"), "expected value 3 of 3 (a number), found 'AOI'"},
         Case{replaced(kSmall, "AOI 20\n", ""), "expected AOI, POI"},
         Case{replaced(kSmall, "AOI 20\n", "AOI 20\nAOI 20\n"), "AOI is there twice"},
-        Case{replaced(kSmall, "AOI 20\n", "AOI 90\n"), "expected 0 <= AOI < 90"},
+        Case{replaced(kSmall, "AOI 20\n", "AOI 90\n"), "line 12: AOI 90 deg, expected 0 <= AOI < 90"},
+        Case{replaced(kSmall, "POI 0\n", "POI 400\n"), "line 13: POI 400 deg, expected"},
+        Case{replaced(kSmall, "Source\tMeasured\n", ""), "line 10: Source is missing before DataBegin"},
+        Case{replaced(kSmall, "Side Front\n", ""), "line 17: expected AOI, POI, Side, Wavelength, "},
+        Case{replaced(kSmall, "Side Front\n", ""), "of a block (Side is missing), found '1'"},
+        Case{replaced(kSmall, "Side Front\n", "Side Front\nSide Front\n"),
+             "line 15: Side is there twice in one block"},
+        Case{replaced(kSmall, "Side Front\n", "Side Top\n"),
+             "line 14: expected Side Front or Back, found 'Top'"},
+        Case{replaced(kSmall, "Side Front\n", "Side Back\n"), "line 23: several scatter types or sides",
+             ErrorCode::kUnimplemented},
+        Case{replaced(kSmall, "Wavelength 630", "Wavelength -5"),
+             "line 15: Wavelength -5 nm, expected 100..1000000 nm"},
+        Case{replaced(kSmall, "Wavelength 630", "Wavelength 0.63"), "line 15: Wavelength 0.63 nm, expected"},
+        Case{replaced(kSmall, "Wavelength 630", "Wavelength 2e6"),
+             "line 15: Wavelength 2000000 nm, expected"},
+        Case{replaced(kSmall, "Wavelength 525", "Wavelength 0"),
+             "line 23: AOI 20 POI 0 has Wavelength 0 as one of 2 channels"},
         Case{replaced(kSmall, "Wavelength 525", "Wavelength 630"), "Wavelength 630 is there twice"},
         Case{replaced(kSmall, "ScatterRadial\t3\n0\t30\t60\n", ""), "ScatterRadial is missing"},
         Case{replaced(kSmall, "Symmetry\tAsymmetric\n", "Symmetry\tAsymmetric\nSymmetry\tAsymmetric\n"),
              "Symmetry is there twice"},
         Case{replaced(kSmall, "ScatterRadial\t3", "ScatterRadial\t90000"),
              "ScatterRadial is 90000, but only"},
-        Case{replaced(kSmall, "0\t30\t60", "0\t60\t30"), "ScatterRadial does not ascend"},
+        Case{replaced(kSmall, "0\t30\t60", "0\t60\t30"),
+             "line 10: ScatterRadial 3 of 3 is 30 deg after 60, expected ascending angles"},
+        Case{replaced(kSmall, "0\t30\t60", "0\t30\t91"),
+             "line 10: ScatterRadial 3 of 3 is 91 deg, expected 0..90"},
         Case{replaced(kSmall, "0\t90\t180\t270\t360", "0\t90\t180\t270\t370"),
-             "ScatterAzimuth does not ascend from 0 to at most 360"},
+             "line 8: ScatterAzimuth 5 of 5 is 370 deg, expected 0..360"},
+        Case{replaced(kSmall, "Asymmetric", "PlaneSymmetrical"),
+             "line 8: ScatterAzimuth 4 of 5 is 270 deg, expected 0..180 of PlaneSymmetrical"},
         Case{replaced(kSmall, "Monochrome", "XYZ"), "TristimulusValue"},
         Case{replaced(kSmall, "ScatterType BRDF", "ScatterType BTDF"), "several scatter types",
              ErrorCode::kUnimplemented},
-        Case{replaced(kSmall, "AOI 20\n", "AOI 10\n"), "expected the 1 of the first incidence"},
+        Case{replaced(kSmall, "AOI 20\n", "AOI 10\n"),
+             "line 23: AOI 20 POI 0 has Wavelength 525 as channel 1, expected Wavelength 630"},
         Case{kSmall.substr(0, kSmall.find("AOI")), "expected AOI of a first block"},
         Case{replaced(kSmall, "DataBegin", "Data"),
              "expected a keyword of the header or DataBegin, found 'Data'"},
@@ -192,4 +215,27 @@ TEST_CASE("A MiniDiff file cut at every byte is refused or holds whole blocks") 
           kSmall.substr(0, size).ends_with("1\t2\t3" + std::string(kSmall[size - 1] == '\n' ? "\n" : "")));
     }
   }
+}
+
+TEST_CASE("A MiniDiff incidence that lacks a channel is named with its line and the channel") {
+  const std::string third =
+      "AOI 40\nPOI 0\nSide Front\nWavelength 630\nScatterType BRDF\nTIS 0.5\n"
+      "1\t2\t3\n1\t4\t5\n1\t6\t7\n1\t8\t9\n1\t2\t3\n";
+  REQUIRE(decode_minidiff(kSmall + third, "bad").error().what ==
+          "bad: line 34: AOI 40 POI 0 has 1 channels, expected 2: Wavelength 525 is missing");
+}
+
+TEST_CASE("MiniDiff files without a Model, and with a Wavelength 0 alone, are whole") {
+  const GridBrdf nameless = decode_minidiff(replaced(kSmall, "Model #: leather 7\n", ""), "x").value();
+  REQUIRE_FALSE(nameless.content().metadata.contains("sample"));
+  const std::string one = kSmall.substr(0, kSmall.rfind("AOI"));
+  REQUIRE(
+      decode_minidiff(replaced(one, "Wavelength 630", "Wavelength 0"), "x").value().wavelengths_nm().empty());
+}
+
+TEST_CASE("A stated MiniDiff total that no surface has is warned of, with its line") {
+  const GridBrdf grid = decode_minidiff(replaced(kSmall, "TIS 0.5", "TIS -0.5"), "x").value();
+  REQUIRE(grid.content().metadata.at("warnings") ==
+          "line 17: TIS -0.5, expected 0..1 (the share of the light that is scattered): not used\n");
+  REQUIRE_FALSE(decode_minidiff(kSmall, "x").value().content().metadata.contains("warnings"));
 }

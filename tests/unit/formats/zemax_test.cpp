@@ -124,11 +124,18 @@ TEST_CASE("A Zemax file with a fault names the line and what was expected") {
         Case{replaced(kSmall, "ScatterType  BRDF\n", "ScatterType BRDF\nScatterType BRDF\n"),
              "ScatterType is there twice"},
         Case{replaced(kSmall, "Asymmetrical", "Round"), "expected PlaneSymmetrical"},
-        Case{replaced(kSmall, "0 20 40", "0 40 20"), "ascending"},
-        Case{replaced(kSmall, "0 20 40", "0 20 200"), "expected 0..180"},
-        Case{replaced(kSmall, "10\t50", "10\t95"), "angle of incidence"},
+        Case{replaced(kSmall, "Source  Measured\n", ""), "line 14: Source is missing"},
+        Case{replaced(kSmall, "0 20 40", "0 40\n20"),
+             "line 14: ScatterRadial 3 of 3 is 20 deg after 40, expected ascending angles"},
+        Case{replaced(kSmall, "0 20 40", "0 20 200"),
+             "line 13: ScatterRadial 3 of 3 is 200 deg, expected 0..180"},
+        Case{replaced(kSmall, "10\t50", "10\t95"),
+             "line 9: AngleOfIncidence 2 of 2 is 95 deg, expected 0..89.9999"},
+        Case{replaced(kSmall, "10\t50", "-15\t50"), "line 9: AngleOfIncidence 1 of 2 is -15 deg"},
+        Case{replaced(kSmall, "10\t50", "50\t10"), "line 9: AngleOfIncidence 2 of 2 is 10 deg after 50"},
         Case{replaced(kSmall, "Asymmetrical", "PlaneSymmetrical"),
-             "scatter azimuth 3 is 270 deg, expected 0..180"},
+             "line 11: ScatterAzimuth 4 of 4 is 270 deg, expected 0..180 of PlaneSymmetrical"},
+        Case{"# scatter.@wavelengths_nm: 0.55\n" + kSmall, "0.55 nm, expected 100..1000000 nm"},
         Case{"", "found the end of the file"},
         Case{std::string("\0\1\2", 3), "expected a keyword"}}) {
     const auto grid = decode_zemax(text, "bad.bsdf");
@@ -139,6 +146,37 @@ TEST_CASE("A Zemax file with a fault names the line and what was expected") {
     REQUIRE(grid.error().what.find(says) != std::string::npos);
     REQUIRE_FALSE(grid.error().remedy.empty());
   }
+}
+
+TEST_CASE("Zemax angles out of range and out of order have remedies of their own") {
+  REQUIRE(decode_zemax(replaced(kSmall, "10\t50", "10\t95"), "x").error().remedy ==
+          "state AngleOfIncidence in degrees 0..89.9999");
+  REQUIRE(decode_zemax(replaced(kSmall, "10\t50", "50\t10"), "x").error().remedy.find("ascending order") !=
+          std::string::npos);
+}
+
+TEST_CASE("A stated Zemax total that no surface has is warned of, with its line") {
+  const auto warnings = [](const std::string& text) {
+    return decode_zemax(text, "x").value().content().metadata.at("warnings");
+  };
+  const std::string told =
+      "line 17: TIS -1, expected 0..1 (the share of the light that is scattered): not used\n";
+  REQUIRE(warnings(replaced(kSmall, "TIS 0.1", "TIS -1")) == told);
+  REQUIRE(warnings(replaced(kSmall, "TIS 0.2", "TIS 20")).starts_with("line 22: TIS 20, expected 0..1"));
+  REQUIRE_FALSE(decode_zemax(kSmall, "x").value().content().metadata.contains("warnings"));
+  // What an earlier file said of the data stays before it, and nothing is there twice.
+  const std::string again = replaced(replaced(kSmall, "TIS 0.1", "TIS -1"), "# comment\n",
+                                     "# scatter.warnings: from before\\x0a\n");
+  REQUIRE(warnings(again) == "from before\n" + told);
+}
+
+TEST_CASE("Zemax angles in radians are suspected as such") {
+  const std::string radian = replaced(
+      replaced(replaced(kSmall, "10\t50", "0.1745\t0.8727"), "0 90 180 270", "0 1.5708 3.1416 4.7124"),
+      "0 20 40", "0 0.349 0.698");
+  const std::string said = decode_zemax(radian, "x").value().content().metadata.at("warnings");
+  REQUIRE(said.find("look like radians: AngleOfIncidence up to 0.8727, ScatterAzimuth up to 4.712") !=
+          std::string::npos);
 }
 
 TEST_CASE("A Zemax file cut anywhere before its last value is refused") {
@@ -215,7 +253,8 @@ TEST_CASE("Real FDTD file: a TIS that contradicts the values is told") {
 TEST_CASE("Cosine-weighted values under a true TIS are suspected as such") {
   // Lambert 0.5 exported as f cos: the TIS fits only the integral without cosine.
   std::string text =
-      "Symmetry PlaneSymmetrical SpectralContent Monochrome ScatterType BRDF SampleRotation 1 0 "
+      "Source Measured Symmetry PlaneSymmetrical SpectralContent Monochrome ScatterType BRDF SampleRotation "
+      "1 0 "
       "AngleOfIncidence 1 0 ScatterAzimuth 2 0 180 ScatterRadial 91";
   for (int rho = 0; rho <= 90; ++rho) {
     text += ' ';
