@@ -20,23 +20,24 @@ constexpr double kWidestRotationGap = kPi / 2 + kSameAngle;
 /// Largest step of the integration [rad]; cells of the grid are cut until they are finer.
 constexpr double kIntegrationStep = kPi / 180 * 1.0001;
 
-std::unexpected<Error> bad(std::string what) {
-  return fail(ErrorCode::kInvalidArgument, "specular grid: " + std::move(what),
-              "list every axis in ascending order and one value per node");
+std::unexpected<Error> bad(std::string what, std::string remedy = "give one finite value per node") {
+  return fail(ErrorCode::kInvalidArgument, "specular grid: " + std::move(what), std::move(remedy));
 }
 
 Status check_axis(const std::vector<double>& axis, std::string_view name, double lowest, double highest) {
   if (axis.empty()) {
-    return bad(fmt::format("no {}", name));
+    return bad(fmt::format("no {}", name), "list every axis");
   }
   for (std::size_t k = 0; k < axis.size(); ++k) {
     if (!(axis[k] >= lowest - kSameAngle && axis[k] <= highest + kSameAngle)) {
-      return bad(fmt::format("{} {} is {} deg, expected {}..{}", name, k, degrees(axis[k]), degrees(lowest),
-                             degrees(highest)));
+      return bad(fmt::format("{} {} of {} is {:.10g} deg, expected {:g}..{:g}", name, k + 1, axis.size(),
+                             degrees(axis[k]), degrees(lowest), degrees(highest)),
+                 fmt::format("keep every {} within {:g}..{:g} deg", name, degrees(lowest), degrees(highest)));
     }
     if (k > 0 && !(axis[k] > axis[k - 1])) {
-      return bad(fmt::format("{} {} is {} deg after {} deg, expected ascending angles", name, k,
-                             degrees(axis[k]), degrees(axis[k - 1])));
+      return bad(fmt::format("{} {} of {} is {:.10g} deg after {:.10g} deg, expected ascending angles", name,
+                             k + 1, axis.size(), degrees(axis[k]), degrees(axis[k - 1])),
+                 "list every axis in ascending order");
     }
   }
   return {};

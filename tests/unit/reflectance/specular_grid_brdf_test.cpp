@@ -194,7 +194,8 @@ TEST_CASE("A specular grid of wrong shape is refused") {
   refused([](auto& c) { c.radial.clear(); }, "no scatter radial");
   refused([](auto& c) { c.azimuth.back() = radians(190); }, "expected 0..180");
   refused([](auto& c) { c.theta_i = {radians(40), radians(20)}; }, "ascending");
-  refused([](auto& c) { c.theta_i = {radians(20), radians(90)}; }, "angle of incidence 1");
+  refused([](auto& c) { c.theta_i = {radians(20), radians(90)}; },
+          "angle of incidence 2 of 2 is 90 deg, expected 0..89.9999");
   refused([](auto& c) { c.f_per_sr[0].pop_back(); }, "expected 342");
   refused([](auto& c) { c.f_per_sr[0][3] = INFINITY; }, "finite");
   refused([](auto& c) { c.f_per_sr.clear(); }, "no channel");
