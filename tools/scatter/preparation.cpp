@@ -160,6 +160,10 @@ Result<Prepared> prepare(std::shared_ptr<const Brdf> data, const PreparationOpti
     prepared.brdf = chain->brdf;
     prepared.metadata["estimators"] = chain->text;
     prepared.notes.push_back("estimators: " + chain->text);
+    for (const auto& [key, value] : chain->metadata) {
+      prepared.metadata[key] = value;
+      prepared.notes.push_back(fmt::format("{}: {}", key, value));
+    }
   }
   return prepared;
 }

@@ -39,7 +39,7 @@ std::string from_text(const std::optional<double>& from_deg, double end) {
 class Builder {
  public:
   explicit Builder(std::shared_ptr<const Brdf> data)
-      : extent_(extent_of(*data)), chain_{std::move(data), {}} {}
+      : extent_(extent_of(*data)), chain_{std::move(data), {}, {}} {}
 
   [[nodiscard]] Status add(LinkText& link);
   [[nodiscard]] const Extent& extent() const noexcept { return extent_; }
@@ -256,8 +256,14 @@ Status Builder::add(LinkText& link) {
   }
   if (link.name() == "guided") {
     // Choosing takes up to a second: not before the parameters are known to be right.
-    const Status status = link.done();
-    return status ? wrap(link, GuidedBrdf::make(chain_.brdf, extent_), "guided") : status;
+    if (Status status = link.done(); !status) {
+      return status;
+    }
+    const auto guided = GuidedBrdf::make(chain_.brdf, extent_);
+    if (guided) {
+      chain_.metadata = (*guided)->metadata();
+    }
+    return wrap(link, guided, "guided");
   }
   if (link.name() == "clamp" || link.name() == "gradient") {
     return add_edges(link, link.name() == "gradient");

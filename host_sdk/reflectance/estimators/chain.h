@@ -1,6 +1,7 @@
 // Chains of estimators from text, as users write them: "bezier,specular,clamp".
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -14,6 +15,9 @@ namespace scatter::reflectance {
 struct Chain {
   std::shared_ptr<const Brdf> brdf;
   std::string text;  ///< All links with all their parameters; makes the same chain again. Empty: no links.
+  /// What links chose by themselves and how well that did, for the files written from here: see
+  /// GuidedBrdf::metadata.
+  std::map<std::string, std::string> metadata;
 };
 
 /// The links that a text names, wrapped around the data from left to right.

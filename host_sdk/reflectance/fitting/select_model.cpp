@@ -11,6 +11,8 @@ namespace {
 
 /// A simpler family wins when it is no more than this much worse.
 constexpr double kNoWorse = 1.02;
+/// Below this nobody is worse: it is what rounding to float leaves of an exact fit, and more.
+constexpr double kExact = 1e-6;
 
 /// Fold of every incidence: neighbours go to different folds, so that what is held back lies between
 /// incidences that are kept.
@@ -121,7 +123,7 @@ Result<Selection> select_model(const FitSamples& samples, const SelectOptions& o
                 "no family could be fitted: " + selection.scores.front().failure,
                 "check the data with: scatter inspect FILE");
   }
-  const double limit = best->rms_residual * kNoWorse;
+  const double limit = std::max(best->rms_residual * kNoWorse, kExact);
   for (const FamilyScore& score : selection.scores) {
     if (score.failure.empty() && score.rms_residual <= limit && score.parameters < best->parameters) {
       best = &score;

@@ -406,7 +406,7 @@ class ManyNearest {
 
   std::size_t give(std::size_t, Neighbor* out) {
     std::sort_heap(heap_.begin(), heap_.end());
-    std::transform(heap_.begin(), heap_.end(), out, neighbor_of);
+    std::transform(heap_.begin(), heap_.end(), out, [](double key) HWY_ATTR { return neighbor_of(key); });
     return heap_.size();
   }
 

@@ -49,6 +49,13 @@ TEST_CASE("Of families that predict alike the one with fewer parameters wins", "
   CHECK(name(selection->best.family) == "ggx");
 }
 
+TEST_CASE("Among families that leave only rounding the one with the fewest parameters wins", "[select_model]") {
+  const FitSamples samples = test::samples_of("lambertian:0.3", 500);
+  const auto selection = select_model(samples, among({"oren-nayar+ward", "oren-nayar", "ggx", "lambert"}));
+  REQUIRE(selection);
+  CHECK(name(selection->best.family) == "lambert");
+}
+
 TEST_CASE("Selection without two incidences is refused, and can be stopped", "[select_model]") {
   const SelectOptions two = among({"lambert", "ggx"});
   CHECK(select_model(test::samples_of("lambertian:0.3", 100, {20}), two).error().code ==

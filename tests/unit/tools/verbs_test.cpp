@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <csignal>
@@ -115,9 +116,17 @@ TEST_CASE("Incidences between the data come from guided interpolation, and the f
   const std::string four = folder / "four.exr";
   const std::string between = folder / "between.exr";
   REQUIRE(scatter({"convert", model, four, "--incidences", "0,20,40,60", "--step", "2"}).status == 0);
-  REQUIRE(scatter({"convert", four, between, "--incidences", "30,50"}).status == 0);
-  CHECK(answer({"inspect", between, "--json"})["metadata"]["estimators"].get<std::string>().find("guided") !=
-        std::string::npos);
+  const auto notes = answer({"convert", four, between, "--incidences", "30,50", "--json"})["notes"];
+  const auto metadata = answer({"inspect", between, "--json"})["metadata"];
+  CHECK(metadata["estimators"].get<std::string>().find("guided") != std::string::npos);
+  // The method chosen and its cross-validation error, in the file and with the answer.
+  for (const std::string key :
+       {"interpolation", "interpolation_error", "interpolation_error_specular_linear"}) {
+    REQUIRE(metadata.contains(key));
+    CHECK(std::ranges::find(notes, key + ": " + metadata[key].get<std::string>()) != notes.end());
+  }
+  CHECK(std::stod(metadata["interpolation_error"].get<std::string>()) <
+        std::stod(metadata["interpolation_error_specular_linear"].get<std::string>()));
   const auto found = answer({"compare", between, model, "--region", "all", "--json"});
   // Linear about the mirror direction is off by 1 % and more here (reflectance.md 6).
   CHECK(found["mean_relative_error"].get<double>() < 0.003);
