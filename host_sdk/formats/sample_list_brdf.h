@@ -25,6 +25,10 @@ class SampleListBrdf final : public reflectance::Brdf {
   [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
     return samples_.wavelengths_nm;
   }
+  /// Of the samples with a value, as `incidences_of`.
+  [[nodiscard]] std::vector<reflectance::Direction> own_incidences() const override {
+    return incidences_of(samples_);
+  }
   /// The first sample within 1e-5 rad in both directions; kInvalid where there is none.
   [[nodiscard]] reflectance::Origin eval(const reflectance::Direction& omega_i,
                                          const reflectance::Direction& omega_o,

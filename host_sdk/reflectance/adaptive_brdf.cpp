@@ -310,4 +310,24 @@ Direction AdaptiveBrdf::sample(const Direction& omega_i, const SquarePoint& unif
           twice * m.z - here.omega_i.z};
 }
 
+std::vector<Direction> AdaptiveBrdf::own_incidences() const {
+  std::vector<double> azimuths{0};
+  if (!isotropic()) {
+    azimuths.assign(content_.phi_i.begin(), content_.phi_i.end());
+    if (azimuths.back() - azimuths.front() > 2 * kPi - kSameTurn) {
+      azimuths.pop_back();
+    }
+  }
+  std::vector<Direction> out;
+  for (const double phi : azimuths) {
+    for (const float theta : content_.theta_i) {
+      // All azimuths of light along the normal are one, and light along the surface does not arrive.
+      if ((theta > 0 || phi == azimuths.front()) && std::cos(theta) > kHorizon) {
+        out.push_back(from_spherical(theta, phi));
+      }
+    }
+  }
+  return out;
+}
+
 }  // namespace scatter::reflectance

@@ -59,6 +59,8 @@ class AdaptiveBrdf final : public Brdf {
   [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
     return content_.wavelengths_nm;
   }
+  /// [azimuth * incidences + incidence]; one azimuth where the material is isotropic.
+  [[nodiscard]] std::vector<Direction> own_incidences() const override;
   /// kMeasured at an incidence of the tables, kInterpolated between them; kExtrapolated where a
   /// node in use is not valid or theta_i lies outside. Values below 0 (colours outside the
   /// primaries' gamut) give 0. kInvalid below the horizon and within 1e-6 rad of it, where the cosine that

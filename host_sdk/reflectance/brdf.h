@@ -41,6 +41,11 @@ class Brdf {
   /// One per channel [nm]; empty when the data do not say.
   [[nodiscard]] virtual std::span<const float> wavelengths_nm() const noexcept = 0;
 
+  /// Light at which the data have values of their own.
+  /// Shape     unit vectors with z > 0, one per incidence and sample rotation, in the data's order;
+  ///           empty for what knows all incidences alike (models).
+  [[nodiscard]] virtual std::vector<Direction> own_incidences() const { return {}; }
+
   /// Values at one geometry.
   /// Shape     f_per_sr.size() == channels().
   /// Range     any pair of unit vectors; directions on the wrong side give 0 and kInvalid.

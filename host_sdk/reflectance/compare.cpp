@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "host_sdk/reflectance/inspection.h"
 #include "host_sdk/reflectance/peak.h"
 #include "host_sdk/reflectance/sampled_grid.h"
 
@@ -16,26 +18,45 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kWithin95 = 1.959963984540054;
 
-/// For each channel of a the channel of b to hold against it.
-Result<std::vector<std::size_t>> match_channels(const Brdf& a, const Brdf& b) {
-  std::vector<std::size_t> match(a.channels());
-  const auto wanted = a.wavelengths_nm();
-  const auto known = b.wavelengths_nm();
-  for (std::size_t c = 0; c < match.size(); ++c) {
-    if (a.channels() == b.channels()) {
-      match[c] = c;
-    } else if (b.channels() == 1) {
-      match[c] = 0;
-    } else if (!wanted.empty() && !known.empty()) {
-      const auto nearest = std::ranges::min_element(
-          known, {}, [&](float nm) { return std::abs(static_cast<double>(nm) - wanted[c]); });
-      match[c] = static_cast<std::size_t>(nearest - known.begin());
-    } else {
-      return fail(ErrorCode::kInvalidArgument,
-                  fmt::format("compare: {} channels against {}, without wavelengths to match them by",
-                              a.channels(), b.channels()),
-                  "compare files with the same channels");
+/// What three channels without wavelengths, red, green and blue, are taken to be at [nm].
+constexpr std::array<float, 3> kRgb_nm{650, 550, 450};
+
+std::vector<float> wavelengths_of(const Brdf& brdf) {
+  const auto stated = brdf.wavelengths_nm();
+  if (stated.empty() && brdf.channels() == kRgb_nm.size()) {
+    return {kRgb_nm.begin(), kRgb_nm.end()};
+  }
+  return {stated.begin(), stated.end()};
+}
+
+/// Which channels to hold against each other. The same pairs of kinds can be matched either way round.
+Result<ChannelMatch> match_channels(const Brdf& a, const Brdf& b) {
+  ChannelMatch match;
+  const auto stated = !a.wavelengths_nm().empty() && !b.wavelengths_nm().empty();
+  const std::vector<float> wanted = wavelengths_of(a);
+  const std::vector<float> known = wavelengths_of(b);
+  if (a.channels() == b.channels()) {
+    for (std::size_t c = 0; c < a.channels(); ++c) {
+      match.pairs.push_back({c, c});
     }
+  } else if (b.channels() == 1 || (a.channels() == 1 && !stated)) {
+    match.by = ChannelMatch::By::kOneForAll;
+    for (std::size_t c = 0; c < std::max(a.channels(), b.channels()); ++c) {
+      match.pairs.push_back(b.channels() == 1 ? ChannelMatch::Pair{c, 0} : ChannelMatch::Pair{0, c});
+    }
+  } else if (!wanted.empty() && !known.empty()) {
+    match.by = stated ? ChannelMatch::By::kWavelength : ChannelMatch::By::kAssumedRgb;
+    for (std::size_t c = 0; c < wanted.size(); ++c) {
+      const auto nearest =
+          std::ranges::min_element(known, {}, [&](float nm) { return std::abs(nm - wanted[c]); });
+      match.pairs.push_back({c, static_cast<std::size_t>(nearest - known.begin())});
+    }
+  } else {
+    return fail(ErrorCode::kInvalidArgument,
+                fmt::format("compare: {} channels against {}, and {} states no wavelengths to match them by",
+                            a.channels(), b.channels(), known.empty() ? "the reference" : "the one judged"),
+                "write that file again with its wavelengths; files of as many channels, or of one channel, "
+                "need none");
   }
   return match;
 }
@@ -76,8 +97,11 @@ struct Distribution {
 
 class Comparer {
  public:
-  Comparer(const GridBrdf& a, const Brdf& b, const CompareOptions& options, std::vector<std::size_t> match)
-      : a_(a), b_(b), options_(options), match_(std::move(match)), channels_(a.channels()) {
+  /// whole_a: what a was sampled from, or a itself; it knows the Dirac component that no node holds.
+  Comparer(const GridBrdf& a, const Brdf& whole_a, const Brdf& b, const CompareOptions& options,
+           ChannelMatch match)
+      : a_(a), whole_a_(whole_a), b_(b), options_(options) {
+    out_.channels = std::move(match);
     const std::size_t nodes = a.content().theta_count * a.content().phi_count;
     for (std::size_t n = 0; n < nodes; ++n) {
       omega_o_.push_back(a.omega_o(n));
@@ -98,7 +122,7 @@ class Comparer {
     incidence.rotation_rad = part.rotation_rad;
     incidence.theta_i = part.theta_i;
     incidence.phi_i = part.phi_i;
-    std::vector<double> difference(channels_, 0.0);
+    std::vector<double> difference = dirac_difference(a_.omega_i(index), incidence);
     std::vector<double> height_a(omega_o_.size(), kNone);
     std::vector<double> height_b(omega_o_.size(), kNone);
     const bool known = !part.random_per_sr.empty() && !part.systematic_per_sr.empty();
@@ -110,15 +134,16 @@ class Comparer {
       height_a[n] = 0;
       height_b[n] = 0;
       const double cosine = up_[n].z;
-      for (std::size_t c = 0; c < channels_; ++c) {
-        const double a = part.f_per_sr[c][n];
-        const double b = f_b_[n * b_.channels() + match_[c]];
+      for (std::size_t k = 0; k < out_.channels.pairs.size(); ++k) {
+        const ChannelMatch::Pair& pair = out_.channels.pairs[k];
+        const double a = part.f_per_sr[pair.a][n];
+        const double b = f_b_[n * b_.channels() + pair.b];
         height_a[n] += a;
         height_b[n] += b;
-        difference[c] += (a - b) * cosine * solid_angle_[n];
+        difference[k] += (a - b) * cosine * solid_angle_[n];
         value(a, b, cosine, solid_angle_[n]);
         if (known) {
-          uncertain(a - b, part.random_per_sr[c][n], part.systematic_per_sr[c][n]);
+          uncertain(a - b, part.random_per_sr[pair.a][n], part.systematic_per_sr[pair.a][n]);
         }
       }
     }
@@ -135,6 +160,7 @@ class Comparer {
       return fail(ErrorCode::kFailedPrecondition, "compare: the two have no bin in common",
                   "check that the incidences overlap, or compare with region all");
     }
+    out_.relative_errors_known = !relative_.samples.empty();
     out_.mean_relative_error = relative_.mean();
     const auto quantile = relative_.quantiles({0.5, 0.95, 0.99});
     out_.median_relative_error = quantile[0];
@@ -150,6 +176,23 @@ class Comparer {
   }
 
  private:
+  /// Per pair of channels what a sends into the one direction of the Dirac component beyond b.
+  std::vector<double> dirac_difference(const Direction& omega_i, Comparison::Incidence& out) const {
+    std::vector<double> a(whole_a_.channels(), 0.0);
+    std::vector<double> b(b_.channels(), 0.0);
+    (void)whole_a_.dirac(omega_i, a);
+    (void)b_.dirac(omega_i, b);
+    std::vector<double> difference;
+    for (const ChannelMatch::Pair& pair : out_.channels.pairs) {
+      difference.push_back(a[pair.a] - b[pair.b]);
+      if (std::abs(difference.back()) >= std::abs(out.dirac_a - out.dirac_b)) {
+        out.dirac_a = a[pair.a];
+        out.dirac_b = b[pair.b];
+      }
+    }
+    return difference;
+  }
+
   [[nodiscard]] bool counts(Origin a, Origin b) const noexcept {
     if (options_.region == Region::kAll) {
       return a != Origin::kInvalid && b != Origin::kInvalid;
@@ -200,10 +243,9 @@ class Comparer {
   }
 
   const GridBrdf& a_;
+  const Brdf& whole_a_;
   const Brdf& b_;
   CompareOptions options_;
-  std::vector<std::size_t> match_;
-  std::size_t channels_;
   std::vector<Direction> omega_o_;
   std::vector<Direction> up_;
   std::vector<double> solid_angle_;
@@ -219,9 +261,8 @@ class Comparer {
   Comparison out_;
 };
 
-}  // namespace
-
-Result<Comparison> compare(const GridBrdf& a, const Brdf& b, const CompareOptions& options) {
+Result<Comparison> compared(const GridBrdf& a, const Brdf& whole_a, const Brdf& b,
+                            const CompareOptions& options) {
   if (a.type() != b.type()) {
     return fail(ErrorCode::kInvalidArgument, "compare: one is a BRDF, the other a BTDF",
                 "compare reflection with reflection, transmission with transmission");
@@ -230,23 +271,53 @@ Result<Comparison> compare(const GridBrdf& a, const Brdf& b, const CompareOption
   if (!match) {
     return std::unexpected(match.error());
   }
-  Comparer comparer(a, b, options, std::move(*match));
+  Comparer comparer(a, whole_a, b, options, std::move(*match));
   for (std::size_t p = 0; p < a.content().parts.size(); ++p) {
     comparer.part(p);
   }
   return comparer.finish();
 }
 
+/// So many incidences that the sampled values fit 256 MB, and no report is longer than 64 of them.
+std::size_t most_incidences(const Brdf& brdf, const GridLayout& layout) {
+  constexpr std::size_t kMostValues = std::size_t{1} << 26;
+  const std::size_t values = layout.theta_count * layout.phi_count * brdf.channels();
+  return std::clamp<std::size_t>(kMostValues / std::max<std::size_t>(values, 1), 4, 64);
+}
+
+}  // namespace
+
+Result<Comparison> compare(const GridBrdf& a, const Brdf& b, const CompareOptions& options) {
+  return compared(a, a, b, options);
+}
+
 Result<Comparison> compare(const Brdf& a, const Brdf& b, const CompareOptions& options) {
   if (const auto* grid = dynamic_cast<const GridBrdf*>(&a)) {
     return compare(*grid, b, options);
   }
-  const auto* reference = dynamic_cast<const GridBrdf*>(&b);
-  const auto sampled = sample_on_grid(a, reference != nullptr ? GridLayout::of(*reference) : GridLayout{});
+  GridLayout layout;
+  std::size_t available = 0;
+  if (const auto* reference = dynamic_cast<const GridBrdf*>(&b)) {
+    layout = GridLayout::of(*reference);
+  } else {
+    const std::vector<Direction> own = a.own_incidences().empty() ? b.own_incidences() : a.own_incidences();
+    available = own.size();
+    if (!own.empty()) {
+      layout.incidences.clear();
+      for (const Direction& light : thinned(own, most_incidences(a, layout))) {
+        layout.incidences.push_back({.rotation_rad = 0, .theta_i = theta_of(light), .phi_i = phi_of(light)});
+      }
+    }
+  }
+  const auto sampled = sample_on_grid(a, layout);
   if (!sampled) {
     return std::unexpected(sampled.error());
   }
-  return compare(*sampled, b, options);
+  auto found = compared(*sampled, a, b, options);
+  if (found) {
+    found->available_incidences = std::max(available, found->incidences.size());
+  }
+  return found;
 }
 
 }  // namespace scatter::reflectance

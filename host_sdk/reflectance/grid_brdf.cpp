@@ -247,6 +247,14 @@ Direction GridBrdf::omega_i(std::size_t part) const noexcept {
   return from_spherical(content_.parts[part].theta_i, content_.parts[part].phi_i);
 }
 
+std::vector<Direction> GridBrdf::own_incidences() const {
+  std::vector<Direction> out;
+  for (std::size_t part = 0; part < content_.parts.size(); ++part) {
+    out.push_back(omega_i(part));
+  }
+  return out;
+}
+
 Direction GridBrdf::omega_o(std::size_t node) const noexcept {
   const double theta = static_cast<double>(node / content_.phi_count) * content_.theta_step;
   const double phi = static_cast<double>(node % content_.phi_count) * content_.phi_step;

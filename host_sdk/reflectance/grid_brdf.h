@@ -67,6 +67,8 @@ class GridBrdf final : public Brdf {
   [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
     return content_.wavelengths_nm;
   }
+  /// One per part.
+  [[nodiscard]] std::vector<Direction> own_incidences() const override;
   /// Bilinear between nodes (the pole is one point: the mean of its row); linear in angles about
   /// the mirror direction between incidences (origin kInterpolated there); the nearest incidence
   /// and the last theta_o outside (kExtrapolated). An invalid node in use makes the result

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <ranges>
 #include <utility>
 
 #include "host_sdk/reflectance/grid_brdf.h"
@@ -19,6 +20,11 @@ constexpr double kReciprocityStep = radians(5);
 constexpr double kSameAngle = 1e-6;
 /// Stated and recomputed totals that differ by more do not agree (formats.md 1).
 constexpr double kTotalsAgree = 0.05;
+
+/// Lists and tables of many incidences are judged at this many of them.
+constexpr std::size_t kMostIncidences = 64;
+/// What knows all incidences alike gains energy at grazing ones if anywhere [deg].
+constexpr std::array<double, 3> kGrazing{75, 85, 88};
 
 bool has_value(Origin origin) noexcept {
   return origin == Origin::kMeasured || origin == Origin::kInterpolated;
@@ -109,6 +115,17 @@ class Inspector {
     share(out);
     energy(omega_i, out);
     symmetry(omega_i, out);
+    return out;
+  }
+
+  /// The albedo and no more.
+  IncidenceInspection energy_at(const Direction& omega_i) {
+    IncidenceInspection out;
+    out.theta_i = theta_of(omega_i);
+    out.phi_i = phi_of(omega_i);
+    brdf_.eval_batch(omega_i, hemisphere_.omega_o, f_, origin_);
+    share(out);
+    energy(omega_i, out);
     return out;
   }
 
@@ -250,19 +267,37 @@ bool cosine_weighted(const std::vector<IncidenceInspection>& incidences) {
 
 }  // namespace
 
+std::vector<double> whole_albedo(const IncidenceInspection& incidence) {
+  std::vector<double> whole = incidence.albedo.value;
+  for (std::size_t c = 0; c < whole.size() && c < incidence.albedo.dirac.size(); ++c) {
+    whole[c] += incidence.albedo.dirac[c];
+  }
+  return whole;
+}
+
+bool nothing_known(const IncidenceInspection& incidence) {
+  return std::ranges::all_of(incidence.coverage | std::views::drop(1),
+                             [](double share) { return share == 0; }) &&
+         std::ranges::all_of(incidence.albedo.dirac, [](double share) { return share == 0; }) &&
+         std::ranges::all_of(incidence.albedo.value, [](double share) { return share == 0; });
+}
+
+void EnergyBalance::add(const IncidenceInspection& incidence) {
+  judged_to = std::max(judged_to, incidence.theta_i);
+  if (nothing_known(incidence)) {
+    return;
+  }
+  const double albedo = std::ranges::max(whole_albedo(incidence));
+  if (!largest_albedo || albedo > *largest_albedo) {
+    largest_albedo = albedo;
+    largest_at = incidence.theta_i;
+  }
+  gained = gained || incidence.gains_energy;
+}
+
 std::vector<Direction> measured_incidences(const Brdf& brdf) {
-  std::vector<Direction> out;
-  if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {
-    for (std::size_t p = 0; p < grid->content().parts.size(); ++p) {
-      out.push_back(grid->omega_i(p));
-    }
-  } else if (const auto* specular = dynamic_cast<const SpecularGridBrdf*>(&brdf)) {
-    for (const double rotation : specular->content().rotation) {
-      for (const double theta_i : specular->content().theta_i) {
-        out.push_back(from_spherical(theta_i, rotation));
-      }
-    }
-  } else {
+  std::vector<Direction> out = brdf.own_incidences();
+  if (out.empty()) {
     for (const double theta_deg : {0.0, 20.0, 40.0, 60.0}) {
       out.push_back(from_spherical(radians(theta_deg), 0));
     }
@@ -270,14 +305,28 @@ std::vector<Direction> measured_incidences(const Brdf& brdf) {
   return out;
 }
 
+std::vector<Direction> thinned(const std::vector<Direction>& incidences, std::size_t most) {
+  if (incidences.size() <= most || most == 0) {
+    return incidences;
+  }
+  std::vector<Direction> out;
+  for (std::size_t k = 0; k < most; ++k) {
+    out.push_back(incidences[most == 1 ? 0 : k * (incidences.size() - 1) / (most - 1)]);
+  }
+  return out;
+}
+
 Inspection inspect(const Brdf& brdf, const InspectionOptions& options) {
-  const std::vector<Direction> incidences =
-      options.incidences.empty() ? measured_incidences(brdf) : options.incidences;
   const auto* grid = dynamic_cast<const GridBrdf*>(&brdf);
   const auto* specular = dynamic_cast<const SpecularGridBrdf*>(&brdf);
   const bool own = options.incidences.empty();
+  std::vector<Direction> incidences = own ? measured_incidences(brdf) : options.incidences;
   Inspector inspector(brdf, options);
   Inspection out;
+  out.available_incidences = incidences.size();
+  if (own && grid == nullptr && specular == nullptr) {
+    incidences = thinned(incidences, kMostIncidences);
+  }
   for (std::size_t k = 0; k < incidences.size(); ++k) {
     IncidenceInspection incidence = inspector.at(incidences[k]);
     if (own && grid != nullptr) {
@@ -292,9 +341,15 @@ Inspection inspect(const Brdf& brdf, const InspectionOptions& options) {
     for (std::size_t s = 0; s < out.origin_shares.size(); ++s) {
       out.origin_shares.at(s) += incidence.coverage.at(s) / static_cast<double>(incidences.size());
     }
-    out.gains_energy = out.gains_energy || incidence.gains_energy;
+    out.energy.add(incidence);
     out.incidences.push_back(std::move(incidence));
   }
+  if (own && brdf.own_incidences().empty()) {
+    for (const double theta_deg : kGrazing) {
+      out.energy.add(inspector.energy_at(from_spherical(radians(theta_deg), 0)));
+    }
+  }
+  out.gains_energy = out.energy.gained;
   out.reciprocity = reciprocity(brdf, incidences);
   out.mirror_symmetry = inspector.whole_symmetry();
   out.looks_cosine_weighted = cosine_weighted(out.incidences);

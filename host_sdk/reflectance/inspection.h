@@ -54,10 +54,31 @@ struct IncidenceInspection {
   std::vector<StatedTotal> totals;  ///< One per channel where the file states them, else empty.
 };
 
+/// Albedo of the values and the Dirac component together, per channel.
+[[nodiscard]] std::vector<double> whole_albedo(const IncidenceInspection& incidence);
+
+/// Not one direction of the hemisphere has a value, and there is no Dirac component: the albedo of 0 says
+/// nothing.
+[[nodiscard]] bool nothing_known(const IncidenceInspection& incidence);
+
+/// What all incidences judged say of energy.
+struct EnergyBalance {
+  std::optional<double> largest_albedo;  ///< Of any channel; nothing where no incidence has a value.
+  double largest_at = 0;                 ///< theta_i of it [rad].
+  double judged_to = 0;                  ///< Largest theta_i judged [rad].
+  bool gained = false;                   ///< Some incidence gains energy.
+
+  void add(const IncidenceInspection& incidence);
+};
+
 struct Inspection {
   std::vector<IncidenceInspection> incidences;
+  /// How many incidences the data have; more than `incidences` where a list or table was thinned to 64.
+  std::size_t available_incidences = 0;
+  /// Of `incidences`, and where the data have no incidences of their own also at 75, 85 and 88 deg.
+  EnergyBalance energy;
   OriginShares origin_shares{};  ///< Mean of the incidences' coverage.
-  bool gains_energy = false;     ///< Any incidence does.
+  bool gains_energy = false;     ///< energy.gained
   /// f(i, o) against f(o, i) for every two different theta_i of the incidences, every 5 deg of
   /// azimuth: no interpolation between incidences enters at measured ones. Absent for a BTDF (the
   /// way back starts on the other side) and where no pair has a value both ways.
@@ -73,9 +94,12 @@ struct InspectionOptions {
   double albedo_tolerance = 1e-4;  ///< Absolute.
 };
 
-/// Directions of light at which a BRDF has data of its own (parts of a GridBrdf, rotations and
-/// incidences of a SpecularGridBrdf); 0, 20, 40 and 60 deg at phi 0 for others.
+/// Directions of light at which a BRDF has data of its own (Brdf::own_incidences); 0, 20, 40 and 60 deg
+/// at phi 0 for others.
 [[nodiscard]] std::vector<Direction> measured_incidences(const Brdf& brdf);
+
+/// At most `most` of them, evenly over the list, the first and last included.
+[[nodiscard]] std::vector<Direction> thinned(const std::vector<Direction>& incidences, std::size_t most);
 
 /// Inspects on a grid of 1 deg about the normal.
 /// Errors   none: what cannot be told is absent.

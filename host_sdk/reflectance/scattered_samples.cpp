@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 namespace scatter::reflectance {
 namespace {
@@ -87,6 +89,27 @@ Status check(const ScatteredSamples& samples) {
     return status;
   }
   return check_values(samples, samples.systematic_per_sr, true, "systematic uncertainty");
+}
+
+std::vector<Direction> incidences_of(const ScatteredSamples& samples) {
+  constexpr double kSame = 1e-5;
+  // By the place in the tangent plane: there the azimuth of light along the normal says nothing.
+  std::map<std::pair<long, long>, Direction> distinct;
+  for (std::size_t s = 0; s < samples.size(); ++s) {
+    const Direction& w = samples.omega_i[s];
+    if (samples.origin_of(s) != Origin::kInvalid && w.z > kSame) {
+      distinct.try_emplace({std::lround(w.x / kSame), std::lround(w.y / kSame)}, w);
+    }
+  }
+  std::vector<Direction> out;
+  for (const auto& entry : distinct) {
+    out.push_back(entry.second);
+  }
+  std::ranges::stable_sort(out, [&](const Direction& a, const Direction& b) {
+    const double difference = theta_of(a) - theta_of(b);
+    return std::abs(difference) > kSame ? difference < 0 : phi_of(a) < phi_of(b);
+  });
+  return out;
 }
 
 }  // namespace scatter::reflectance

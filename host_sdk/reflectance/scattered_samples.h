@@ -39,4 +39,8 @@ struct ScatteredSamples {
 /// Errors  kInvalidArgument naming the sample and what was expected.
 [[nodiscard]] Status check(const ScatteredSamples& samples);
 
+/// The directions of light among the samples that are not kInvalid, each once (within 1e-5 rad), by
+/// ascending theta_i and then azimuth.
+[[nodiscard]] std::vector<Direction> incidences_of(const ScatteredSamples& samples);
+
 }  // namespace scatter::reflectance

@@ -432,4 +432,14 @@ double SpecularGridBrdf::integral(std::size_t channel, std::size_t rotation, std
   return content_.plane_symmetric ? 2 * total : total;
 }
 
+std::vector<Direction> SpecularGridBrdf::own_incidences() const {
+  std::vector<Direction> out;
+  for (const double rotation : content_.rotation) {
+    for (const double theta_i : content_.theta_i) {
+      out.push_back(from_spherical(theta_i, rotation));
+    }
+  }
+  return out;
+}
+
 }  // namespace scatter::reflectance

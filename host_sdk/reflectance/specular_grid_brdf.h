@@ -59,6 +59,8 @@ class SpecularGridBrdf final : public Brdf {
   [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
     return content_.wavelengths_nm;
   }
+  /// [rotation * incidences + incidence]
+  [[nodiscard]] std::vector<Direction> own_incidences() const override;
   /// Bilinear in (radial, azimuth), kMeasured; linear between incidences (and rotations at most
   /// 90 deg apart) at the same radial and azimuth, kInterpolated; worse where a node in use is.
   /// kExtrapolated: nearest incidence or rotation outside, nearest radial outside, or a node in use lies

@@ -337,4 +337,8 @@ bool ScatteredBrdf::uncertainty(const Direction& omega_i, const Direction& omega
   return true;
 }
 
+std::vector<Direction> ScatteredBrdf::own_incidences() const {
+  return incidences_of(samples());
+}
+
 }  // namespace scatter::reflectance

@@ -65,6 +65,8 @@ class ScatteredBrdf final : public Brdf {
   [[nodiscard]] std::span<const float> wavelengths_nm() const noexcept override {
     return samples_.wavelengths_nm;
   }
+  /// Of the samples with a value, as `incidences_of`.
+  [[nodiscard]] std::vector<Direction> own_incidences() const override;
   /// The site at this place (within 1e-6 of it in the tangent planes), else kInvalid.
   [[nodiscard]] Origin eval(const Direction& omega_i, const Direction& omega_o,
                             std::span<double> f_per_sr) const noexcept override;

@@ -8,11 +8,19 @@
 #include <utility>
 
 #include "host_sdk/reflectance/grid_brdf.h"
+#include "host_sdk/reflectance/inspection.h"
 #include "host_sdk/reflectance/sampled_grid.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
 
 namespace scatter::reflectance {
 namespace {
+
+/// Each incidence is sampled at every degree before the samples are thinned: few where channels are many.
+std::size_t most_incidences(const Brdf& brdf, const GridLayout& layout) {
+  constexpr std::size_t kMostValues = std::size_t{1} << 25;
+  return std::clamp<std::size_t>(kMostValues / (layout.theta_count * layout.phi_count * brdf.channels()), 4,
+                                 24);
+}
 
 bool wanted(Origin origin, const GatherOptions& options) {
   return origin == Origin::kMeasured || (options.region == Region::kAll && origin != Origin::kInvalid);
@@ -176,7 +184,14 @@ Result<FitSamples> gather(const Brdf& brdf, const GatherOptions& options) {
   if (const auto* grid = dynamic_cast<const SpecularGridBrdf*>(&brdf)) {
     return finished(from_specular_grid(*grid, options), options);
   }
-  const auto sampled = sample_on_grid(brdf, GridLayout{});
+  GridLayout layout;
+  if (const auto own = brdf.own_incidences(); !own.empty()) {
+    layout.incidences.clear();
+    for (const Direction& light : thinned(own, most_incidences(brdf, layout))) {
+      layout.incidences.push_back({.rotation_rad = 0, .theta_i = theta_of(light), .phi_i = phi_of(light)});
+    }
+  }
+  const auto sampled = sample_on_grid(brdf, layout);
   if (!sampled) {
     return std::unexpected(sampled.error());
   }

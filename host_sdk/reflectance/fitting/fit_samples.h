@@ -44,9 +44,10 @@ struct GatherOptions {
 };
 
 /// The usable nodes of a grid (about the normal or about the specular direction); of any other BRDF
-/// the nodes of the default GridLayout. Nodes that are exactly 0 in every channel count as not measured:
-/// files fill gaps so. Uncertainties are taken when every sample has one above 0.
-/// Errors    kInvalidArgument: BTDF; kFailedPrecondition: no usable node.
+/// every degree of the hemisphere at its own incidences (at most 24 of them), or those of the default
+/// GridLayout. Nodes that are exactly 0 in every channel count as not measured: files fill gaps so.
+/// Uncertainties are taken when every sample has one above 0. Errors    kInvalidArgument: BTDF;
+/// kFailedPrecondition: no usable node.
 [[nodiscard]] Result<FitSamples> gather(const Brdf& brdf, const GatherOptions& options = {});
 
 /// The usable ones among loose samples, those of equal omega_i (to 1e-6) as one incidence. Their

@@ -1,12 +1,15 @@
 #include "host_sdk/reflectance/compare.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
+#include <string>
 
 #include "host_sdk/reflectance/models/model_spec.h"
 #include "host_sdk/reflectance/peak.h"
 #include "host_sdk/reflectance/sampled_grid.h"
+#include "host_sdk/reflectance/specular_grid_brdf.h"
 
 using namespace scatter::reflectance;
 using scatter::ErrorCode;
@@ -165,9 +168,113 @@ TEST_CASE("One channel against three is matched by wavelength; a BTDF is not hel
   const GridBrdf grid = GridBrdf::make(green).value();
   REQUIRE(compare(grid, *model("lambertian:0.2/0.4/0.6")).value().p99_relative_error < 1e-6);
   REQUIRE(compare(grid, *model("film:transmittance=0.4,haze=1")).error().code == ErrorCode::kInvalidArgument);
-  green.wavelengths_nm.clear();
-  REQUIRE(compare(GridBrdf::make(green).value(), *model("lambertian:0.4")).error().code ==
-          ErrorCode::kInvalidArgument);
+}
+
+TEST_CASE("Files of one channel and of many compare either way round") {
+  GridBrdf::Content mono = grid_of("lambertian:0.4").content();
+  mono.channels = 1;
+  mono.wavelengths_nm.clear();
+  for (GridPart& part : mono.parts) {
+    part.f_per_sr.resize(1);
+  }
+  const GridBrdf one = GridBrdf::make(mono).value();
+  const GridBrdf three = grid_of("lambertian:0.2/0.4/0.8");
+  // |a - b| / b over the pairs (0.2, 0.4), (0.4, 0.4), (0.8, 0.4) and back.
+  const Comparison down = compare(three, one).value();
+  REQUIRE(down.channels.by == ChannelMatch::By::kOneForAll);
+  REQUIRE(down.mean_relative_error == Approx((0.5 + 0 + 1) / 3).epsilon(1e-6));
+  const Comparison up = compare(one, three).value();
+  REQUIRE(up.channels.by == ChannelMatch::By::kOneForAll);
+  REQUIRE(up.mean_relative_error == Approx((1 + 0 + 0.5) / 3).epsilon(1e-6));
+}
+
+TEST_CASE("Three channels without wavelengths stand against those nearest to red, green and blue") {
+  // What a MERL file of a spectral measurement holds, against the measurement.
+  GridBrdf::Content spectral = grid_of("lambertian:0.5").content();
+  spectral.channels = 5;
+  spectral.wavelengths_nm = {450, 500, 550, 600, 650};
+  GridBrdf::Content rgb = grid_of("lambertian:0.5").content();
+  rgb.wavelengths_nm.clear();
+  for (std::size_t p = 0; p < rgb.parts.size(); ++p) {
+    const std::vector<float> plane = spectral.parts[p].f_per_sr[0];
+    spectral.parts[p].f_per_sr.clear();
+    for (const float level : {0.1F, 0.2F, 0.3F, 0.4F, 0.5F}) {
+      spectral.parts[p].f_per_sr.emplace_back(plane.size(), level);
+    }
+    rgb.parts[p].f_per_sr = {std::vector<float>(plane.size(), 0.5F), std::vector<float>(plane.size(), 0.3F),
+                             std::vector<float>(plane.size(), 0.1F)};
+  }
+  const GridBrdf a = GridBrdf::make(rgb).value();
+  const GridBrdf b = GridBrdf::make(spectral).value();
+  const Comparison c = compare(a, b).value();
+  REQUIRE(c.channels.by == ChannelMatch::By::kAssumedRgb);
+  REQUIRE(c.p99_relative_error == 0);
+  // Back: 500 nm lies between green and blue, 600 between red and green; the first of equals counts.
+  const Comparison back = compare(b, a).value();
+  REQUIRE(back.channels.pairs.size() == 5);
+  REQUIRE(back.channels.pairs[0].b == 2);
+  REQUIRE(back.channels.pairs[2].b == 1);
+  REQUIRE(back.channels.pairs[4].b == 0);
+  // Four channels of nothing known cannot be matched with five.
+  GridBrdf::Content four = rgb;
+  four.channels = 4;
+  for (GridPart& part : four.parts) {
+    part.f_per_sr.push_back(part.f_per_sr[0]);
+  }
+  const auto refused = compare(GridBrdf::make(four).value(), b);
+  REQUIRE(refused.error().code == ErrorCode::kInvalidArgument);
+  REQUIRE(refused.error().what.find("4 channels against 5, and the one judged") != std::string::npos);
+}
+
+TEST_CASE("A mirror that one of two lacks is an albedo error and named, although no bin holds it") {
+  const auto mirror = model("mirror:0.9");
+  GridBrdf::Content black = grid_of("lambertian:0.5").content();
+  for (GridPart& part : black.parts) {
+    for (auto& plane : part.f_per_sr) {
+      std::ranges::fill(plane, 0.0F);
+    }
+  }
+  const Comparison c = compare(GridBrdf::make(black).value(), *mirror, {.region = Region::kAll}).value();
+  REQUIRE_FALSE(c.relative_errors_known);
+  for (const auto& incidence : c.incidences) {
+    REQUIRE(incidence.albedo_error == Approx(0.9));
+    REQUIRE(incidence.dirac_a == 0);
+    REQUIRE(incidence.dirac_b == Approx(0.9));
+  }
+  // Judged the other way round it is sampled on a grid, which must not lose it.
+  const Comparison back = compare(*mirror, GridBrdf::make(black).value(), {.region = Region::kAll}).value();
+  REQUIRE(back.incidences[0].albedo_error == Approx(0.9));
+  REQUIRE(back.incidences[0].dirac_a == Approx(0.9));
+  const Comparison same = compare(*mirror, *mirror, {.region = Region::kAll}).value();
+  REQUIRE(same.incidences[0].albedo_error == 0);
+}
+
+TEST_CASE("Two grids about the mirror direction are compared at their own incidences") {
+  SpecularGridBrdf::Content content;
+  content.plane_symmetric = true;
+  content.rotation = {0};
+  content.theta_i = {radians(15), radians(75)};
+  for (int k = 0; k <= 180; k += 10) {
+    content.azimuth.push_back(radians(k));
+  }
+  for (int k = 0; k <= 80; k += 10) {
+    content.radial.push_back(radians(k));
+  }
+  content.f_per_sr.assign(1, std::vector<float>(2 * 19 * 9, 0.25F));
+  const SpecularGridBrdf b = SpecularGridBrdf::make(content).value();
+  content.f_per_sr.assign(1, std::vector<float>(2 * 19 * 9, 0.5F));
+  const SpecularGridBrdf a = SpecularGridBrdf::make(content).value();
+  const auto check = [](const Comparison& c, double error) {
+    REQUIRE(c.incidences.size() == 2);
+    REQUIRE(degrees(c.incidences[0].theta_i) == Approx(15));
+    REQUIRE(degrees(c.incidences[1].theta_i) == Approx(75));
+    REQUIRE(c.mean_relative_error == Approx(error).margin(1e-6));
+    REQUIRE(c.incidences[0].bins > 0);
+    REQUIRE(c.incidences[1].bins > 0);
+  };
+  check(compare(a, b).value(), 1);
+  // A model has no incidences of its own: those of the reference count.
+  check(compare(*model("lambertian:0.7853981634"), b, {.region = Region::kMeasured}).value(), 0);
 }
 
 TEST_CASE("Two models compare on the default grid, films on the lower side") {

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <functional>
 
+#include "host_sdk/reflectance/adapted_brdf.h"
 #include "host_sdk/reflectance/models/model_spec.h"
+#include "host_sdk/reflectance/negative_values.h"
 #include "host_sdk/reflectance/sampled_grid.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
 
@@ -109,6 +111,111 @@ TEST_CASE("Energy above 1 is flagged, energy of 1 is not") {
   const Inspection found = inspect(more);
   REQUIRE(found.gains_energy);
   REQUIRE(found.incidences[1].albedo.value[0] == Approx(1.01).margin(1e-4));
+}
+
+TEST_CASE("Energy of a model is judged up to grazing incidence") {
+  // docs/models.md: at most 0.886 up to 60 deg, 1.220 at 85 deg.
+  const Inspection phong = inspect(*make_model("phong:n=20,ks=2,kd=0.1").value());
+  REQUIRE(phong.incidences.size() == 4);
+  REQUIRE(phong.gains_energy);
+  REQUIRE(phong.energy.largest_albedo.value() >= 1.220);
+  REQUIRE(degrees(phong.energy.judged_to) >= 85);
+  REQUIRE(degrees(phong.energy.largest_at) > 80);
+  REQUIRE_FALSE(inspect(*make_model("ggx:alpha=0.3,f0=0.9").value()).gains_energy);
+  // Measured data are judged where they were measured.
+  const GridBrdf grid = sample_on_grid(*make_model("phong:n=20,ks=2,kd=0.1").value(), {}).value();
+  REQUIRE(degrees(inspect(grid).energy.judged_to) == Approx(60));
+}
+
+TEST_CASE("A mirror's share is in the albedo that energy is judged by") {
+  const Inspection found = inspect(*make_model("sum:mirror:0.3,lambertian:0.3").value());
+  REQUIRE(found.energy.largest_albedo.value() == Approx(0.6).margin(1e-3));
+}
+
+TEST_CASE("Where nothing is known energy cannot be told") {
+  GridLayout layout;
+  layout.incidences = {{0, radians(20), 0}};
+  GridBrdf::Content content = sample_on_grid(*make_model("lambertian:0.5").value(), layout).value().content();
+  content.parts[0].origin.assign(content.parts[0].origin.size(), Origin::kInvalid);
+  const Inspection found = inspect(GridBrdf::make(content).value());
+  REQUIRE(nothing_known(found.incidences[0]));
+  REQUIRE_FALSE(found.energy.largest_albedo.has_value());
+  REQUIRE_FALSE(found.gains_energy);
+  // Black is known to be black, and a mirror has no value in any direction but one.
+  REQUIRE(inspect(*make_model("lambertian:0").value()).energy.largest_albedo.value() == 0);
+  REQUIRE(inspect(*make_model("mirror:0.9").value()).energy.largest_albedo.value() == Approx(0.9));
+}
+
+TEST_CASE("Adaptive tables are inspected at their own incidences, which are measured") {
+  const auto model = make_model("ggx:alpha=0.3,f0=0.04,albedo=0.2").value();
+  const AdaptiveBrdf brdf = adapt(*model, {.theta_i = {0, radians(25), radians(50), radians(70)}}).value();
+  const Inspection found = inspect(brdf);
+  REQUIRE(found.incidences.size() == 4);
+  REQUIRE(found.available_incidences == 4);
+  const double theta_deg[] = {0, 25, 50, 70};
+  for (std::size_t k = 0; k < 4; ++k) {
+    REQUIRE(degrees(found.incidences[k].theta_i) == Approx(theta_deg[k]).margin(1e-4));
+    REQUIRE(found.incidences[k].coverage[2] == 0);  // nothing interpolated
+    REQUIRE(found.incidences[k].coverage[1] > 0.5);
+  }
+  // All azimuths: once along the normal, and the last of a whole turn is the first.
+  const AdaptiveBrdf turned =
+      adapt(*model, {.theta_i = {0, radians(50)}, .azimuths = 9, .resolution = 8, .normals_resolution = 16})
+          .value();
+  REQUIRE(turned.own_incidences().size() == 1 + 8);
+}
+
+TEST_CASE("A list has the incidences of its valid samples, each once") {
+  ScatteredSamples samples;
+  samples.channels = 1;
+  const double light[][2] = {{40, 0}, {0, 0}, {0, 90}, {40, 0}, {40, 180}, {60, 0}};
+  for (const auto& [theta, phi] : light) {
+    samples.omega_i.push_back(from_spherical(radians(theta), radians(phi)));
+    samples.omega_o.push_back({0, 0, 1});
+    samples.f_per_sr.push_back(-0.1F);
+    samples.origin.push_back(theta == 60 ? Origin::kInvalid : Origin::kMeasured);
+  }
+  const auto own = incidences_of(samples);
+  REQUIRE(own.size() == 3);
+  REQUIRE(own[0].z == 1);
+  REQUIRE(degrees(phi_of(own[1])) == Approx(0).margin(1e-9));
+  REQUIRE(degrees(phi_of(own[2])) == Approx(180));
+  const NegativeValues negative = negative_values(samples);
+  REQUIRE(negative.count == 5);
+  REQUIRE(negative.of == 5);
+  REQUIRE(negative.least == Approx(-0.1));
+}
+
+TEST_CASE("Negative values of grids are counted, invalid ones aside") {
+  GridBrdf::Content content = sample_on_grid(*make_model("lambertian:0.5").value(), {}).value().content();
+  content.parts[1].f_per_sr[2][400] = -0.25F;
+  content.parts[1].f_per_sr[0][401] = -9;
+  content.parts[1].origin[401] = Origin::kInvalid;
+  const NegativeValues found = negative_values(GridBrdf::make(content).value());
+  REQUIRE(found.count == 1);
+  REQUIRE(found.of == 3 * (4 * 91 * 360 - 1));
+  REQUIRE(found.least == Approx(-0.25));
+  REQUIRE_FALSE(found.count_as_0);
+}
+
+TEST_CASE("Negative values of adaptive tables are counted where the table is valid") {
+  const auto model = make_model("ggx:alpha=0.3,f0=0.04,albedo=0.2").value();
+  const AdaptiveBrdf brdf = adapt(*model, {.theta_i = {0, radians(50)}, .resolution = 8}).value();
+  // Nodes below the horizon go on beyond 0, but are marked.
+  REQUIRE(negative_values(brdf).count == 0);
+  REQUIRE(negative_values(brdf).of > 0);
+}
+
+TEST_CASE("Thinning keeps the ends") {
+  std::vector<Direction> all;
+  for (int k = 0; k <= 80; ++k) {
+    all.push_back(from_spherical(radians(k), 0));
+  }
+  const auto some = thinned(all, 5);
+  REQUIRE(some.size() == 5);
+  REQUIRE(degrees(theta_of(some[2])) == Approx(40));
+  REQUIRE(degrees(theta_of(some.back())) == Approx(80));
+  REQUIRE(thinned(all, 81).size() == 81);
 }
 
 TEST_CASE("Stated totals are shown beside the recomputed ones with their ratio") {
