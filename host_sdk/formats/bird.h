@@ -22,7 +22,10 @@ namespace scatter::formats {
 /// "polarization"). uBRDF is taken as systematic: a total does not average away. theta < 0 is the
 /// other side: phi + 180. A geometry that lacks a channel is kInvalid (metadata "notes"). The file's
 /// metadata become "bird.PATH", what our writer put there gets its own keys back.
-/// Errors  kDataLoss: byte or field and row, expected, found. kInvalidArgument: JSON, but no BiRD.
+/// Wavelengths are 100..1000000 nm. Metadata that schema v1.0 requires and generation A lacks are
+/// told in the metadata "warnings".
+/// Errors  kDataLoss: byte, or field, index and the byte where its list begins; expected, found.
+///         kInvalidArgument: JSON, but no BiRD. kUnimplemented: metadata.type BTDF and the like.
 /// Cost    memory in proportion to the text, about 30 bytes per value; nesting up to 64 levels.
 [[nodiscard]] Result<reflectance::ScatteredSamples> decode_bird_samples(std::string_view text,
                                                                         std::string_view name);

@@ -68,6 +68,7 @@ class Gatherer {
     }
     add_up();
     out_.samples.metadata.merge(table_.metadata);
+    table_.warnings.put_into(out_.samples.metadata);
     if (Status checked = check(out_.samples); !checked) {
       return bad(checked.error().what);
     }
@@ -82,9 +83,14 @@ class Gatherer {
     std::uint8_t state = 0;
   };
 
-  [[nodiscard]] std::unexpected<Error> bad(std::string_view what) const {
-    return fail(ErrorCode::kDataLoss, fmt::format("{}: {}", name_, what),
-                "export the file again or correct this place");
+  [[nodiscard]] std::unexpected<Error> bad(
+      std::string_view what, std::string_view remedy = "export the file again or correct this place") const {
+    return fail(ErrorCode::kDataLoss, fmt::format("{}: {}", name_, what), std::string(remedy));
+  }
+  [[nodiscard]] std::unexpected<Error> bad_unit(const char* key, const std::string& unit,
+                                                std::string_view expected) const {
+    return bad(unit.empty() ? fmt::format("data.{}: no unit, expected {}", key, expected)
+                            : fmt::format("data.{}: unit '{}', expected {}", key, printable(unit), expected));
   }
 
   [[nodiscard]] const BirdColumn* find(std::string_view key) const {
@@ -101,7 +107,7 @@ class Gatherer {
       }
       const std::string& unit = column->unit;
       if (unit != "deg" && unit != "\xC2\xB0" && unit != "rad" && unit != "degree" && unit != "degrees") {
-        return bad(fmt::format("data.{}: unit '{}', expected deg or rad", kAngles[k], printable(unit)));
+        return bad_unit(kAngles[k], unit, "deg or rad");
       }
       angles_[k] = {column, unit == "rad" ? degrees(1.0) : 1.0};
     }
@@ -111,13 +117,13 @@ class Gatherer {
     }
     if (values->unit != "1/sr" && values->unit != "sr^-1" && values->unit != "sr-1" &&
         values->unit != "sr\xE2\x81\xBB\xC2\xB9") {
-      return bad(fmt::format("data.BRDF: unit '{}', expected 1/sr or sr^-1", printable(values->unit)));
+      return bad_unit("BRDF", values->unit, "1/sr or sr^-1");
     }
     if (const BirdColumn* u = find("uBRDF"); u != nullptr && !u->numbers.empty()) {
       relative_ = u->unit == "%";
       if (!relative_ && u->unit != values->unit && u->unit != "1/sr" && u->unit != "sr^-1" &&
           u->unit != "sr-1") {
-        return bad(fmt::format("data.uBRDF: unit '{}', expected that of BRDF or %", printable(u->unit)));
+        return bad_unit("uBRDF", u->unit, "that of BRDF or %");
       }
     }
     for (const char* word : {"polarization_i", "pol", "polarization_r"}) {
@@ -129,8 +135,12 @@ class Gatherer {
   }
 
   Status find_channels() {
-    const BirdColumn* column = find("wavelength_i");
-    column = column == nullptr || column->numbers.empty() ? find("wavelength_r") : column;
+    const char* key = "wavelength_i";
+    const BirdColumn* column = find(key);
+    if (column == nullptr || column->numbers.empty()) {
+      key = "wavelength_r";
+      column = find(key);
+    }
     const std::size_t rows = find("BRDF")->size();
     channel_.assign(rows, 0);
     out_.samples.channels = 1;
@@ -140,13 +150,14 @@ class Gatherer {
     const bool micrometres =
         column->unit == "\xCE\xBCm" || column->unit == "\xC2\xB5m" || column->unit == "um";
     if (!micrometres && column->unit != "nm") {
-      return bad(fmt::format("data.wavelength: unit '{}', expected nm", printable(column->unit)));
+      return bad_unit(key, column->unit, "nm or um");
     }
     std::map<float, std::uint16_t> known;
     for (std::size_t row = 0; row < rows; ++row) {
       const auto nm = static_cast<float>(column->numbers[row] * (micrometres ? 1000 : 1));
-      if (!(nm > 0 && nm < 1e6F)) {
-        return bad(fmt::format("data.wavelength, row {}: {} nm", row + 1, nm));
+      if (!is_wavelength(static_cast<double>(nm))) {
+        return bad(fmt::format("{}: {} nm, expected {}", column->place(row), nm, kWavelengthRange),
+                   "state the wavelength in nanometres, or give the unit um");
       }
       const auto [it, is_new] = known.emplace(nm, static_cast<std::uint16_t>(known.size()));
       if (is_new) {
@@ -167,7 +178,8 @@ class Gatherer {
     for (std::size_t row = 0; column != nullptr && row < column->numbers.size(); ++row) {
       const double number = column->numbers[row];
       if (!(number >= 0 && number < kMostChannels) || number != std::floor(number)) {
-        return bad(fmt::format("data.adhoc_variables.scatter_channel, row {}: {}", row + 1, number));
+        return bad(
+            fmt::format("{}: {}, expected a channel 0..{}", column->place(row), number, kMostChannels - 1));
       }
       channel_[row] = static_cast<std::uint16_t>(number);
       out_.samples.channels = std::max(out_.samples.channels, static_cast<std::size_t>(number) + 1);
@@ -181,10 +193,13 @@ class Gatherer {
     for (std::size_t side = 0; side < 2; ++side) {
       double theta = angles_[2 * side].first->numbers[row] * angles_[2 * side].second;
       double phi = angles_[2 * side + 1].first->numbers[row] * angles_[2 * side + 1].second;
-      if (!(std::abs(theta) <= 90 + 0.5 / kUnitsPerDegree) || !(std::abs(phi) <= 1e6) ||
-          (side == 0 && std::abs(theta) >= 90)) {
-        return bad(fmt::format("row {}: theta_{} is {:g} deg, phi_{} {:g} deg, expected theta 0..90", row + 1,
-                               side == 0 ? "i" : "r", theta, side == 0 ? "i" : "r", phi));
+      if (!(std::abs(theta) <= 90 + 0.5 / kUnitsPerDegree) || (side == 0 && std::abs(theta) >= 90)) {
+        return bad(fmt::format("{}: {:g} deg, expected theta_{}", angles_[2 * side].first->place(row), theta,
+                               side == 0 ? "i below 90" : "r 0..90"));
+      }
+      if (!(std::abs(phi) <= 360 + 0.5 / kUnitsPerDegree)) {
+        return bad(fmt::format("{}: {:g} deg, expected phi_{} 0..360",
+                               angles_[2 * side + 1].first->place(row), phi, side == 0 ? "i" : "r"));
       }
       if (theta < 0) {
         theta = -theta;
@@ -221,7 +236,7 @@ class Gatherer {
         }
       }
       if (const double f = values[row]; !(std::abs(f) <= std::numeric_limits<float>::max())) {
-        return bad(fmt::format("data.BRDF, row {}: {}, expected a finite number for 32 bits", row + 1, f));
+        return bad(fmt::format("{}: {}, expected a finite number for 32 bits", find("BRDF")->place(row), f));
       }
       std::uint8_t state = 0;
       if (!polarizations_.empty()) {

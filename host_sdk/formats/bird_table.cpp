@@ -8,6 +8,9 @@
 #include <set>
 #include <utility>
 
+#include "host_sdk/formats/bird_metadata.h"
+#include "host_sdk/formats/counted_text.h"
+
 namespace scatter::formats {
 namespace {
 
@@ -34,7 +37,12 @@ bool known(std::string_view variable) {
 /// Events of nlohmann's parser into columns; nothing of the document is kept beside.
 class Reader final : public nlohmann::json_sax<Json> {
  public:
-  explicit Reader(std::string_view name) : name_(name) {}
+  Reader(std::string_view text, std::string_view name) : name_(name), start_(text.data()) {}
+
+  bool parse(const char* first, const char* last) {
+    reached_ = first;
+    return Json::sax_parse(CountedChar(first, &reached_), CountedChar(last, &reached_), this);
+  }
 
   bool null() override { return scalar_text("null"); }
   bool boolean(bool value) override { return scalar_text(value ? "true" : "false"); }
@@ -60,6 +68,9 @@ class Reader final : public nlohmann::json_sax<Json> {
   bool key(string_t& key) override {
     Level& level = levels_.back();
     level.key = key;
+    if (levels_.size() == 2 && levels_[0].key == "metadata") {
+      metadata_check_.see_key(key);
+    }
     // Metadata may be long; their paths are checked one by one where they are kept.
     if (!in_metadata() && (!level.keys.insert(key).second || level.keys.size() > kMostColumns)) {
       return refuse("the same key twice in one object, or more than 256 keys");
@@ -93,7 +104,7 @@ class Reader final : public nlohmann::json_sax<Json> {
     levels_.pop_back();
     return !ends_row || add_row();
   }
-  bool parse_error(std::size_t position, const std::string& /*token*/,
+  bool parse_error(std::size_t /*position*/, const std::string& /*token*/,
                    const nlohmann::detail::exception& exception) override {
     std::string what = exception.what();
     // "[json.exception.parse_error.101] parse error at line 1, column 5: syntax error ...".
@@ -101,7 +112,7 @@ class Reader final : public nlohmann::json_sax<Json> {
       what.erase(0, at + 2);
     }
     std::erase_if(what, [](char c) { return c < ' ' || c > '~'; });
-    error_ = fmt::format("byte {}: {}", position, what.substr(0, 200));
+    error_ = fmt::format("byte {}: {}", byte(), what.substr(0, 200));
     return false;
   }
 
@@ -117,6 +128,13 @@ class Reader final : public nlohmann::json_sax<Json> {
       if (Status status = expand_c(); !status) {
         return std::unexpected(status.error());
       }
+    } else if (table_.columns.contains("BRDF")) {
+      metadata_check_.warn(printable(type()), table_.warnings);
+    }
+    if (BirdMetadataCheck::is_other_quantity(type())) {
+      return fail(ErrorCode::kUnimplemented,
+                  fmt::format("{}: metadata.type is '{}', expected BRDF", name_, printable(type())),
+                  "correct the type if the values are a BRDF; BiRD has no place for others");
     }
     if (is_ours_) {
       // The rest was made of them by our writer.
@@ -130,8 +148,8 @@ class Reader final : public nlohmann::json_sax<Json> {
     const std::size_t rows = table_.columns["BRDF"].size();
     for (const auto& [key, column] : table_.columns) {
       if (column.size() != rows) {
-        return bad(
-            fmt::format("data.{}: {} values, expected the {} of BRDF", printable(key), column.size(), rows));
+        return bad(fmt::format("data.{}: {} values, expected the {} of BRDF (list at byte {})",
+                               printable(key), column.size(), rows, column.byte));
       }
     }
     return std::move(table_);
@@ -155,6 +173,12 @@ class Reader final : public nlohmann::json_sax<Json> {
     return fail(ErrorCode::kDataLoss, fmt::format("{}: {}", name_, what),
                 "export the file again or correct this place");
   }
+  /// How many bytes of the file are read.
+  [[nodiscard]] std::size_t byte() const noexcept { return static_cast<std::size_t>(reached_ - start_); }
+  [[nodiscard]] std::string_view type() const {
+    const auto it = table_.metadata.find("bird.type");
+    return it == table_.metadata.end() ? std::string_view() : std::string_view(it->second);
+  }
   /// Ends the parsing.
   bool refuse(std::string_view what) {
     if (value_depth_ != 0) {
@@ -162,7 +186,7 @@ class Reader final : public nlohmann::json_sax<Json> {
     }
     const std::string place =
         column_ != nullptr ? fmt::format(" after {} values", column_->size()) : std::string();
-    error_ = fmt::format("{}{}: {}", printable(path()), place, what);
+    error_ = fmt::format("byte {}: {}{}: {}", byte(), printable(path()), place, what);
     return false;
   }
   bool push(Level level) {
@@ -200,6 +224,7 @@ class Reader final : public nlohmann::json_sax<Json> {
         depth == 4 && name == "adhoc_variables" && levels_[3].is_object && levels_[3].key == "values";
     if (depth == 2 && name == "values") {
       kind_ = Kind::kRowsOfB;
+      byte_of_b_ = byte();
     } else if (depth == 2 && name == "data") {
       kind_ = Kind::kRowsOfC;
       column_ = &table_.columns["data"];
@@ -211,6 +236,14 @@ class Reader final : public nlohmann::json_sax<Json> {
       column_ = &table_.columns[levels_[2].key];
     } else {
       return;
+    }
+    if (kind_ != Kind::kRowsOfB) {
+      std::string place;
+      for (std::size_t k = 0; k < depth; ++k) {
+        place += (k == 0 ? "" : ".") + levels_[k].key;
+      }
+      column_->path = std::move(place);
+      column_->byte = byte();
     }
     value_depth_ = levels_.size();
   }
@@ -351,6 +384,9 @@ class Reader final : public nlohmann::json_sax<Json> {
     }
     for (std::size_t k = 0; k < variables_.size(); ++k) {
       rows_of_b_[k].unit = variables_[k].second;
+      rows_of_b_[k].path = "data.values";
+      rows_of_b_[k].variable = printable(variables_[k].first);
+      rows_of_b_[k].byte = byte_of_b_;
       if (known(variables_[k].first) &&
           !table_.columns.emplace(variables_[k].first, std::move(rows_of_b_[k])).second) {
         return bad(fmt::format("data.variables: '{}' is there twice", printable(variables_[k].first)));
@@ -389,6 +425,9 @@ class Reader final : public nlohmann::json_sax<Json> {
       }
       BirdColumn& column = out[to];
       column.unit = it->second.numbers.empty() ? "" : "deg";
+      column.path = it->second.path;
+      column.byte = it->second.byte;
+      column.count = samples;
       for (std::size_t w = 0; w < rows_of_c_.size(); ++w) {
         column.numbers.insert(column.numbers.end(), it->second.numbers.begin(), it->second.numbers.end());
         column.states.insert(column.states.end(), it->second.states.begin(), it->second.states.end());
@@ -397,6 +436,9 @@ class Reader final : public nlohmann::json_sax<Json> {
     }
     BirdColumn& wavelength = out["wavelength_i"];
     wavelength.unit = "nm";
+    wavelength.path = wavelengths.path;
+    wavelength.byte = wavelengths.byte;
+    wavelength.each = samples;
     for (const double nm : wavelengths.numbers) {
       wavelength.numbers.insert(wavelength.numbers.end(), samples, nm);
     }
@@ -410,7 +452,11 @@ class Reader final : public nlohmann::json_sax<Json> {
   }
 
   std::string_view name_;
+  const char* start_;
+  const char* reached_ = nullptr;
   std::string error_ = "no value";
+  BirdMetadataCheck metadata_check_;
+  std::size_t byte_of_b_ = 0;
   BirdTable table_;
   std::vector<Level> levels_;
   std::size_t value_depth_ = 0;  ///< Levels at the elements of a list of values; 0: in none.
@@ -430,12 +476,17 @@ class Reader final : public nlohmann::json_sax<Json> {
 
 }  // namespace
 
+std::string BirdColumn::place(std::size_t row) const {
+  const std::size_t index = count == 0 ? row / each : row / each % count;
+  return fmt::format("{}[{}]{}{} (list at byte {})", path, index, variable.empty() ? "" : " ", variable,
+                     byte);
+}
+
 Result<BirdTable> read_bird_table(std::string_view text, std::string_view name) {
-  if (text.starts_with("\xEF\xBB\xBF")) {
-    text.remove_prefix(3);
-  }
-  Reader reader(name);
-  const bool parsed = Json::sax_parse(text.begin(), text.end(), &reader);
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  const std::size_t first = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
+  Reader reader(text, name);
+  const bool parsed = reader.parse(text.data() + first, text.data() + text.size());
   return reader.finish(parsed);
 }
 

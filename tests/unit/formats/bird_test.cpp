@@ -270,10 +270,19 @@ TEST_CASE("A BiRD file with a fault names the byte or the field and what was exp
              "metadata.type: is there twice"},
         Case{replaced(kSmall, "sr^-1", "furlong"), "data.BRDF: unit 'furlong', expected 1/sr"},
         Case{replaced(kSmall, "\"unit\": \"deg\"", "\"unit\": \"gon\""), "data.theta_i: unit 'gon'"},
-        Case{replaced(kSmall, "\"nm\"", "\"m\""), "data.wavelength: unit 'm'"},
-        Case{replaced(kSmall, "[5, 20, 5]", "[5, 95, 5]"), "row 2: theta_r is 95 deg"},
-        Case{replaced(kSmall, "[10, 10, 10]", "[10, 90, 10]"), "row 2: theta_i is 90 deg"},
-        Case{replaced(kSmall, "550, 550", "550, -1"), "row 2: -1 nm"},
+        Case{replaced(kSmall, "\"nm\"", "\"m\""), "data.wavelength_i: unit 'm', expected nm or um"},
+        Case{replaced(kSmall, "\"unit\": \"nm\", ", ""), "data.wavelength_i: no unit, expected nm or um"},
+        Case{replaced(replaced(kSmall, "wavelength_i", "wavelength_r"), "\"nm\"", "\"m\""),
+             "data.wavelength_r: unit 'm'"},
+        Case{replaced(kSmall, "[5, 20, 5]", "[5, 95, 5]"), "data.theta_r.values[1]"},
+        Case{replaced(kSmall, "[5, 20, 5]", "[5, 95, 5]"), "95 deg, expected theta_r 0..90"},
+        Case{replaced(kSmall, "[10, 10, 10]", "[10, 90, 10]"), "90 deg, expected theta_i below 90"},
+        Case{replaced(kSmall, "[180, 90, 180]", "[180, 1e9, 180]"), "data.phi_r.values[1]"},
+        Case{replaced(kSmall, "[180, 90, 180]", "[180, 1e9, 180]"), "1e+09 deg, expected phi_r 0..360"},
+        Case{replaced(kSmall, "550, 550", "550, -1"), "-1 nm, expected 100..1000000 nm"},
+        Case{replaced(kSmall, "550, 550", "550, 0.55"), "data.wavelength_i.values[1]"},
+        Case{replaced(kSmall, "\"type\": \"BRDF\"", "\"type\": \"BTDF\""),
+             "metadata.type is 'BTDF', expected BRDF", ErrorCode::kUnimplemented},
         Case{deep, "nested deeper than 64 levels"},
         Case{"", "byte "},
         Case{"[1]", "without BRDF values", ErrorCode::kInvalidArgument}}) {
@@ -288,6 +297,55 @@ TEST_CASE("A BiRD file with a fault names the byte or the field and what was exp
   }
 }
 
+TEST_CASE("A BiRD fault is placed by bytes of the file, a byte-order mark included") {
+  const auto byte_after = [](const std::string& text, std::string_view word) {
+    return text.find(word) + word.size();
+  };
+  for (const std::string& text : {kSmall, "\xEF\xBB\xBF" + kSmall}) {
+    const std::string null = replaced(text, "0.125", "null");
+    REQUIRE(decode_bird(null, "x").error().what ==
+            fmt::format("x: byte {}: data.BRDF.values after 1 values: 'null' among the values",
+                        byte_after(null, "null")));
+    const std::string steep = replaced(text, "[5, 20, 5]", "[5, 95, 5]");
+    REQUIRE(decode_bird(steep, "x").error().what ==
+            fmt::format("x: data.theta_r.values[1] (list at byte {}): 95 deg, expected theta_r 0..90",
+                        steep.find("[5, 95") + 1));
+  }
+}
+
+TEST_CASE("Faults in BiRD generations B and C are placed in their own lists") {
+  const std::string b = R"({"metadata": {}, "data": {"variables": [
+    {"name": "theta_i", "unit": "deg"}, {"name": "phi_i", "unit": "deg"}, {"name": "theta_r", "unit": "deg"},
+    {"name": "phi_r", "unit": "deg"}, {"name": "BRDF", "unit": "1/sr"}],
+    "values": [[10, 0, 5, 0, 0.25], [10, 0, 95, 0, 0.25]]}})";
+  REQUIRE(decode_bird_samples(b, "b").error().what.find("data.values[1] theta_r (list at byte ") !=
+          std::string::npos);
+  const std::string c = R"({"head": {}, "data": {"wavelengths": [550, 0.65], "theta_i": [10, 10],
+    "phi_i": [0, 0], "theta_v": [5, 95], "phi_v": [0, 90], "data": [[1, 2], [3, 4]]}})";
+  REQUIRE(decode_bird_samples(c, "c").error().what.find("data.wavelengths[1] (list at byte ") !=
+          std::string::npos);
+  REQUIRE(decode_bird_samples(replaced(c, "0.65", "650"), "c").error().what.find("data.theta_v[1] (") !=
+          std::string::npos);
+}
+
+TEST_CASE("A BiRD file of generation A warns of required metadata that it lacks") {
+  REQUIRE(
+      decode_bird_samples(kSmall, "x").value().metadata.at("warnings") ==
+      "the metadata lack what BiRD's schema v1.0 requires: schema, id, timestamp, provenance, description, "
+      "method, instrumentation, software, environment\n");
+  REQUIRE(decode_bird_samples(replaced(kSmall, "\"type\": \"BRDF\"", "\"type\": \"x\""), "x")
+              .value()
+              .metadata.at("warnings")
+              .find("metadata.type is 'x', expected BRDF") != std::string::npos);
+  const std::string bare =
+      replaced(kSmall, R"("metadata": {"type": "BRDF", "sample": {"name": "tile"}, "n": [1, true]},)", "");
+  REQUIRE(decode_bird_samples(bare, "x").value().metadata.at("warnings").find(": schema, id, type, ") !=
+          std::string::npos);
+  // What our writer writes is whole.
+  const auto own = decode_bird_samples(encode_bird(model_grid()).value(), "x").value();
+  REQUIRE_FALSE(own.metadata.contains("warnings"));
+}
+
 TEST_CASE("Real BiRD files open: the example as a list, the 2018 one as a grid") {
   if (const auto path = test::real_data("bird/example_generation_a.brdf"); path) {
     const auto brdf = decode_bird(read_file(*path).value(), "a").value();
@@ -298,6 +356,7 @@ TEST_CASE("Real BiRD files open: the example as a list, the 2018 one as a grid")
     // Its rows: 0.254 and 0.263 for the two polarizations at 550 nm.
     REQUIRE(list->samples().f_per_sr[0] == Approx((0.254 + 0.263) / 2));
     REQUIRE(list->samples().metadata.at("bird.provenance.organization") == "Aalto University");
+    REQUIRE_FALSE(list->samples().metadata.contains("warnings"));
   }
   if (const auto path = test::real_data("bird/generation_c.json"); path) {
     const auto brdf = decode_bird(read_file(*path).value(), "c").value();
