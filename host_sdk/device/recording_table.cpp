@@ -28,7 +28,8 @@ std::unexpected<Error> open_error(int number, const std::filesystem::path& path)
 }  // namespace
 
 Result<MappedFile> MappedFile::open(const std::filesystem::path& path) {
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  // O_NONBLOCK: a pipe would wait for somebody who writes, before its kind is known.
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) {
     return open_error(errno, path);
   }

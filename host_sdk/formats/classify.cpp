@@ -1,7 +1,7 @@
 #include "host_sdk/formats/classify.h"
 
 #include <algorithm>
-#include <array>
+#include <bit>
 #include <cstddef>
 
 #include "host_sdk/formats/text_scanner.h"
@@ -13,6 +13,7 @@ using namespace std::string_view_literals;
 
 constexpr std::size_t kLookedAt = 64 * 1024;
 constexpr std::size_t kMerlHeader = 12;
+constexpr std::uint64_t kMostMerlCount = 10'000;
 
 std::uint64_t little_endian_32(std::string_view bytes, std::size_t at) noexcept {
   std::uint64_t value = 0;
@@ -22,23 +23,45 @@ std::uint64_t little_endian_32(std::string_view bytes, std::size_t at) noexcept 
   return value;
 }
 
-/// Three counts whose product, in three planes of doubles, is the rest of the file.
+std::uint64_t turned_32(std::uint64_t value) noexcept {
+  return std::byteswap(static_cast<std::uint32_t>(value));
+}
+
+/// Counts of a table, perhaps of the other byte order or one of them damaged: no text and no other
+/// format begins with such numbers. The size is the reader's matter.
 bool is_merl(std::string_view bytes) noexcept {
   if (bytes.size() < kMerlHeader) {
     return false;
   }
-  const std::array<std::uint64_t, 3> n{little_endian_32(bytes, 0), little_endian_32(bytes, 4),
-                                       little_endian_32(bytes, 8)};
-  if (std::ranges::any_of(n, [](std::uint64_t k) { return k == 0 || k > 100'000; })) {
-    return false;
+  std::size_t plausible = 0;
+  std::size_t turned = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::uint64_t count = little_endian_32(bytes, 4 * k);
+    plausible += count >= 1 && count <= kMostMerlCount;
+    turned += turned_32(count) >= 1 && turned_32(count) <= kMostMerlCount;
   }
-  return bytes.size() - kMerlHeader == n[0] * n[1] * n[2] * 3 * 8;
+  return plausible >= 2 || turned == 3;
 }
 
 bool has_word(std::string_view text, std::string_view word) noexcept {
   const auto found = std::ranges::search(
       text, word, [](char a, char b) { return same_word(std::string_view(&a, 1), std::string_view(&b, 1)); });
   return !found.empty();
+}
+
+/// Blank lines and comments at the start of a text are no content.
+std::string_view without_leading_comments(std::string_view text) noexcept {
+  while (true) {
+    const std::size_t start = text.find_first_not_of(" \t\r\n");
+    if (start == std::string_view::npos || text[start] != '#') {
+      return text;
+    }
+    const std::size_t end = text.find_first_of("\r\n", start);
+    if (end == std::string_view::npos) {
+      return text;
+    }
+    text.remove_prefix(end);
+  }
 }
 
 Format classify_text(std::string_view text) noexcept {
@@ -55,12 +78,8 @@ Format classify_text(std::string_view text) noexcept {
     return has_word(blocks, "AOI") || has_word(blocks, "POI") ? Format::kMiniDiff : Format::kZemax;
   }
   const std::size_t start = text.find_first_not_of(" \t\r\n");
-  if (start != std::string_view::npos && text[start] == '{' &&
-      (text.find("\"BRDF\"") != std::string_view::npos ||
-       text.find("\"theta_i\"") != std::string_view::npos ||
-       text.find("\"variables\"") != std::string_view::npos ||
-       text.find("\"head\"") != std::string_view::npos ||
-       text.find("\"metadata\"") != std::string_view::npos)) {
+  // Any JSON: the reader says what is missing in it.
+  if (start != std::string_view::npos && (text[start] == '{' || text[start] == '[')) {
     return Format::kBird;
   }
   return Format::kUnknown;
@@ -68,7 +87,7 @@ Format classify_text(std::string_view text) noexcept {
 
 }  // namespace
 
-Format classify(std::string_view bytes) noexcept {
+Format classify(std::string_view bytes, std::string_view name) noexcept {
   const std::string_view head = bytes.substr(0, kLookedAt);
   if (head.starts_with("\x76\x2f\x31\x01"sv)) {
     if (head.find("bsdfTileAngles"sv) != std::string_view::npos) {
@@ -86,10 +105,17 @@ Format classify(std::string_view bytes) noexcept {
   if (is_merl(bytes)) {
     return Format::kMerl;
   }
-  if (head.find('\0') != std::string_view::npos) {
-    return Format::kUnknown;
+  const std::string_view mark = "\xEF\xBB\xBF"sv;
+  Format format = classify_text(head.starts_with(mark) ? head.substr(mark.size()) : head);
+  if (format == Format::kUnknown && bytes.size() > kLookedAt) {
+    const std::string_view rest =
+        without_leading_comments(bytes.substr(bytes.starts_with(mark) ? mark.size() : 0));
+    format = classify_text(rest.substr(0, kLookedAt));
   }
-  return classify_text(head.starts_with("\xEF\xBB\xBF") ? head.substr(3) : head);
+  if (format == Format::kUnknown && name.ends_with(".binary") && !bytes.empty()) {
+    return Format::kMerl;
+  }
+  return format;
 }
 
 std::string_view name(Format format) noexcept {

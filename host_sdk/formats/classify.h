@@ -1,4 +1,4 @@
-// What a file is, by its content and never by its name.
+// What a file is, by its content.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,10 @@ enum class Format : std::uint8_t {
   kRecording,  ///< .scat: raw frames, not a BRDF.
 };
 
-/// Looks at no more than the first 64 KiB, and at the size.
-[[nodiscard]] Format classify(std::string_view bytes) noexcept;
+/// Looks at no more than the first 64 KiB behind leading comments, and at the size. MERL's counts
+/// are known even where they do not fit the size, so that its reader says what is wrong; a name
+/// that ends in ".binary" decides only about what nothing else claims.
+[[nodiscard]] Format classify(std::string_view bytes, std::string_view name = {}) noexcept;
 
 /// For messages: "Zemax BSDF".
 [[nodiscard]] std::string_view name(Format format) noexcept;

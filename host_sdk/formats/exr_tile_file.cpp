@@ -156,7 +156,7 @@ Status read_planes(Imf::InputFile& file, std::string_view name, std::size_t file
   }
   if (!images::can_hold(header, planes, file_size)) {
     return fail(ErrorCode::kDataLoss,
-                fmt::format("{}: claims more pixels than its {} bytes hold", name, file_size), kRemedy);
+                fmt::format("{}: {}", name, images::ends_early(header, planes, file_size)), kRemedy);
   }
   const Imath::Box2i& window = header.dataWindow();
   const std::size_t pixels = out.stride * (static_cast<std::size_t>(window.max.y - window.min.y) + 1);

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <cstring>
 #include <fstream>
+#include <limits>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -29,6 +31,14 @@ std::unexpected<Error> damaged(std::string_view name, std::uint64_t at, const st
   return fail(ErrorCode::kDataLoss, fmt::format("{}: byte {}: {}", name, at, what), kRemedy);
 }
 
+/// What was exported on a machine of the other byte order.
+bool looks_big_endian(const std::array<std::int32_t, 3>& count) noexcept {
+  return std::ranges::all_of(count, [](std::int32_t n) {
+    const std::uint32_t turned = std::byteswap(static_cast<std::uint32_t>(n));
+    return turned >= 1 && turned <= 10'000;
+  });
+}
+
 /// Empty table of the size that the header says, held against the file's size.
 Result<HalfDifferenceBrdf::Content> prepare(std::string_view header, std::uint64_t file_size,
                                             std::string_view name) {
@@ -37,6 +47,16 @@ Result<HalfDifferenceBrdf::Content> prepare(std::string_view header, std::uint64
   }
   std::array<std::int32_t, 3> count{};
   std::memcpy(count.data(), header.data(), kMerlHeader);
+  if (looks_big_endian(count)) {
+    return fail(
+        ErrorCode::kInvalidArgument,
+        fmt::format("{}: byte 0: the counts are {} x {} x {} in big-endian order, expected little-endian "
+                    "90 x 90 x 180",
+                    name, std::byteswap(static_cast<std::uint32_t>(count[0])),
+                    std::byteswap(static_cast<std::uint32_t>(count[1])),
+                    std::byteswap(static_cast<std::uint32_t>(count[2]))),
+        "export it again in little-endian order");
+  }
   std::uint64_t cells = 1;
   for (std::size_t k = 0; k < count.size(); ++k) {
     if (count[k] < 1 || static_cast<std::uint64_t>(count[k]) > kMostCells / cells) {
@@ -90,6 +110,24 @@ void convert(const char* bytes, std::size_t from, std::size_t count, HalfDiffere
   }
 }
 
+/// The first double that is no finite float, as it stands in the file; nullopt: none.
+std::optional<Error> wrong_value(std::string_view bytes, std::string_view name) {
+  const std::size_t count = bytes.size() < kMerlHeader ? 0 : (bytes.size() - kMerlHeader) / sizeof(double);
+  for (std::size_t k = 0; k < count; ++k) {
+    double value = 0;
+    const std::size_t at = kMerlHeader + k * sizeof(double);
+    std::memcpy(&value, bytes.data() + at, sizeof(double));
+    const double scale = kMerlScale[std::min(k / std::max<std::size_t>(count / 3, 1), std::size_t{2})];
+    if (!std::isfinite(static_cast<float>(value * scale))) {
+      return damaged(name, at,
+                     fmt::format("value {} is {}, expected a finite number below {:.3g}", k, value,
+                                 static_cast<double>(std::numeric_limits<float>::max()) / scale))
+          .error();
+    }
+  }
+  return std::nullopt;
+}
+
 Result<HalfDifferenceBrdf> finish(HalfDifferenceBrdf::Content content, std::string_view name) {
   auto brdf = HalfDifferenceBrdf::make(std::move(content));
   if (!brdf) {
@@ -107,7 +145,13 @@ Result<HalfDifferenceBrdf> decode_merl(std::string_view bytes, std::string_view 
     return std::unexpected(content.error());
   }
   convert(bytes.data() + kMerlHeader, 0, content->f_per_sr.size(), *content);
-  return finish(std::move(*content), name);
+  auto brdf = finish(std::move(*content), name);
+  if (!brdf) {
+    if (auto wrong = wrong_value(bytes, name)) {
+      return std::unexpected(std::move(*wrong));
+    }
+  }
+  return brdf;
 }
 
 Result<HalfDifferenceBrdf> read_merl(const std::filesystem::path& path) {
@@ -117,7 +161,9 @@ Result<HalfDifferenceBrdf> read_merl(const std::filesystem::path& path) {
   std::ifstream in;
   // The buffer is ours: a second one inside would only be copied from.
   in.rdbuf()->pubsetbuf(nullptr, 0);
-  in.open(path, std::ios::binary);
+  if (size != 0) {  // Else it may be a pipe, where opening waits for somebody who writes.
+    in.open(path, std::ios::binary);
+  }
   if (error || size == 0 || !in) {
     // The whole-file reader knows what is wrong with the path.
     const auto bytes = read_file(path);
@@ -142,7 +188,14 @@ Result<HalfDifferenceBrdf> read_merl(const std::filesystem::path& path) {
     convert(buffer.data(), from, count, *content);
     from += count;
   }
-  return finish(std::move(*content), path.string());
+  auto brdf = finish(std::move(*content), path.string());
+  if (!brdf) {
+    const auto bytes = read_file(path);
+    if (auto wrong = bytes ? wrong_value(*bytes, path.string()) : std::nullopt) {
+      return std::unexpected(std::move(*wrong));
+    }
+  }
+  return brdf;
 }
 
 }  // namespace scatter::formats

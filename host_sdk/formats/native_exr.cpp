@@ -256,8 +256,9 @@ class Decoder {
     here.channels = channels;
     if (!images::can_hold(header, planes, bytes_.size())) {
       return fail(ErrorCode::kDataLoss,
-                  fmt::format("{}: part {} claims {} x {} nodes in {} channels, more than its {} bytes hold",
-                              name_, index, here.phi_count, here.theta_count, planes, bytes_.size()),
+                  fmt::format("{}: {} for the {} x {} nodes in {} channels of part {}", name_,
+                              images::ends_early(header, planes, bytes_.size()), here.phi_count,
+                              here.theta_count, planes, index),
                   kRemedy);
     }
     const std::size_t nodes = here.phi_count * here.theta_count;

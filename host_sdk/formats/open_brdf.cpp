@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -23,7 +24,7 @@ namespace {
 
 using reflectance::Brdf;
 
-constexpr const char* kReadable = "use a Zemax, MiniDiff, MERL, RGL, OpenEXR grid or OpenEXR tile file";
+constexpr const char* kReadable = "use a Zemax, MiniDiff, MERL, RGL, BiRD, OpenEXR grid or OpenEXR tile file";
 
 template <typename T>
 Result<std::shared_ptr<const Brdf>> shared(Result<T> brdf) {
@@ -51,10 +52,34 @@ Result<std::shared_ptr<const Brdf>> material_of_atlas(std::string_view bytes, st
                             : fmt::format("use one of: {}", names));
 }
 
+/// What no reader takes: how it begins, which is where the known formats differ.
+std::unexpected<Error> unknown_format(std::string_view bytes, std::string_view file) {
+  if (bytes.empty()) {
+    return fail(ErrorCode::kInvalidArgument, fmt::format("{}: is empty", file), kReadable);
+  }
+  if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF")) {
+    return fail(ErrorCode::kInvalidArgument,
+                fmt::format("{}: byte 0: is UTF-16 text, expected UTF-8 or ASCII", file), "save it as UTF-8");
+  }
+  constexpr std::size_t kShown = 12;
+  const std::string_view start = bytes.substr(0, kShown);
+  const bool printable = std::ranges::all_of(start, [](char c) { return c >= ' ' && c <= '~'; });
+  std::string found;
+  for (const char c : start) {
+    found += printable ? std::string(1, c)
+                       : fmt::format("{}{:02X}", found.empty() ? "" : " ", static_cast<unsigned char>(c));
+  }
+  return fail(
+      ErrorCode::kInvalidArgument,
+      fmt::format("{}: is no BRDF format that is known: byte 0: found {}{}{}, expected the start of one",
+                  file, printable ? "'" : "bytes ", found, printable ? "'" : ""),
+      kReadable);
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const Brdf>> decode_brdf(std::string_view bytes, std::string_view name_of_file) {
-  const Format format = classify(bytes);
+  const Format format = classify(bytes, name_of_file);
   switch (format) {
     case Format::kZemax:
       return shared(decode_zemax(bytes, name_of_file));
@@ -80,10 +105,7 @@ Result<std::shared_ptr<const Brdf>> decode_brdf(std::string_view bytes, std::str
     case Format::kUnknown:
       break;
   }
-  return fail(ErrorCode::kInvalidArgument,
-              bytes.empty() ? fmt::format("{}: is empty", name_of_file)
-                            : fmt::format("{}: is no BRDF format that is known", name_of_file),
-              kReadable);
+  return unknown_format(bytes, name_of_file);
 }
 
 Result<std::shared_ptr<const Brdf>> open_brdf(std::string_view path_or_spec) {

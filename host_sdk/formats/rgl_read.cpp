@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <initializer_list>
 #include <optional>
@@ -44,7 +45,8 @@ class Fields {
                                                std::initializer_list<std::uint64_t> shape) const {
     const TensorField* field = find(name);
     if (field == nullptr) {
-      return bad(fmt::format("no field '{}'", name));
+      return bad(fmt::format("byte {}: no field '{}' among the {} that the header names, expected {}",
+                             kTensorHeader, name, fields_.size(), scatter::formats::name(type)));
     }
     const bool fits =
         field->type == type && std::ranges::equal(field->shape, shape, [](auto has, auto wanted) {
@@ -60,6 +62,38 @@ class Fields {
                              scatter::formats::name(type), expected));
     }
     return field;
+  }
+
+  /// The byte that an error of AdaptiveBrdf speaks of: it names fields, this file is bytes.
+  [[nodiscard]] std::unexpected<Error> located(Error error) const {
+    for (const TensorField& field : fields_) {
+      const bool luminance = field.name == "luminance";
+      const bool spectra = field.name == "rgb" || field.name == "spectra";
+      const bool table =
+          luminance || spectra || field.name == "ndf" || field.name == "sigma" || field.name == "vndf";
+      if (!table || field.type != TensorType::kF32) {
+        continue;
+      }
+      for (std::size_t k = 0; k < field.data.size() / sizeof(float); ++k) {
+        float value = 0;
+        std::memcpy(&value, field.data.data() + k * sizeof(float), sizeof(float));
+        if (!std::isfinite(value) || (value < 0 && !luminance && !spectra)) {
+          return fail(ErrorCode::kInvalidArgument,
+                      fmt::format("{}: byte {}: {}: value {} is {}, expected a finite number{}", file_name_,
+                                  field.offset + k * sizeof(float), field.name, k, value,
+                                  luminance || spectra ? "" : " of at least 0"),
+                      kRemedy);
+        }
+      }
+    }
+    for (const TensorField& field : fields_) {
+      if (error.what.starts_with(field.name)) {
+        error.what = fmt::format("{}: byte {}: {}", file_name_, field.offset, error.what);
+        return std::unexpected(std::move(error));
+      }
+    }
+    error.what = fmt::format("{}: byte {}: {}", file_name_, kTensorHeader, error.what);
+    return std::unexpected(std::move(error));
   }
 
   [[nodiscard]] Result<std::vector<float>> axis(std::string_view name) const {
@@ -143,7 +177,9 @@ Result<AdaptiveBrdf> decode(FileBlock file, std::string_view name) {
     keep(fields.axis("wavelengths"), content.wavelengths_nm);
     content.channels = content.wavelengths_nm.size();
   } else if (!failed && fields.find("rgb") == nullptr) {
-    return fields.bad("no field 'rgb' and no field 'spectra'; it is a tensor file, but no BRDF");
+    return fields.bad(fmt::format(
+        "byte {}: no field 'rgb' and no field 'spectra' in the header; it is a tensor file, but no BRDF",
+        kTensorHeader));
   }
   const std::uint64_t phis = content.phi_i.size();
   const std::uint64_t thetas = content.theta_i.size();
@@ -175,7 +211,7 @@ Result<AdaptiveBrdf> decode(FileBlock file, std::string_view name) {
   }
   auto brdf = AdaptiveBrdf::make(std::move(content));
   if (!brdf) {
-    brdf.error().what = fmt::format("{}: {}", name, brdf.error().what);
+    return fields.located(std::move(brdf.error()));
   }
   return brdf;
 }

@@ -14,7 +14,6 @@ namespace {
 using namespace std::string_view_literals;
 
 constexpr std::string_view kMagic = "tensor_file\0"sv;
-constexpr std::size_t kHeader = 18;
 constexpr std::size_t kMostDimensions = 8;
 constexpr std::size_t kLeastField = 13;  ///< Bytes of a field without name and dimensions.
 constexpr std::size_t kAlignment = 8;
@@ -34,8 +33,11 @@ class Reader {
                   fmt::format("{}: byte 0: expected 'tensor_file' and a zero", file_name_),
                   "check that it is an RGL file");
     }
-    if (bytes_.size() < kHeader) {
-      return bad(fmt::format("the header has 18 bytes, but the file {}", bytes_.size()));
+    if (bytes_.size() < kTensorHeader) {
+      return fail(ErrorCode::kDataLoss,
+                  fmt::format("{}: byte {}: the file ends in the header, which has {} bytes", file_name_,
+                              bytes_.size(), kTensorHeader),
+                  kRemedy);
     }
     at_ = kMagic.size();
     const std::uint64_t major = take(1);
@@ -81,7 +83,9 @@ class Reader {
   Status field(std::vector<TensorField>& fields) {
     const std::size_t start = at_;
     if (!has(2)) {
-      return bad("expected the length of a field's name");
+      return bad(
+          fmt::format("the file ends at byte {}, expected the 2 bytes of the length of field {}'s name",
+                      bytes_.size(), fields.size()));
     }
     const std::uint64_t length = take(2);
     if (!has(length + 11)) {
@@ -186,7 +190,7 @@ Result<std::vector<TensorField>> decode_tensor_file(std::string_view bytes, std:
 }
 
 std::string encode_tensor_file(const std::vector<TensorField>& fields) {
-  std::size_t at = kHeader;
+  std::size_t at = kTensorHeader;
   for (const TensorField& field : fields) {
     at += kLeastField + field.name.size() + 8 * field.shape.size();
   }

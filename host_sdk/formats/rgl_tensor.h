@@ -1,6 +1,7 @@
 // The container of RGL files: named arrays of numbers. Internal to formats.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -9,6 +10,9 @@
 #include "host_sdk/error/error.h"
 
 namespace scatter::formats {
+
+/// Bytes before the first field's entry.
+inline constexpr std::size_t kTensorHeader = 18;
 
 /// Kinds of numbers; their codes in the file are frozen.
 enum class TensorType : std::uint8_t {

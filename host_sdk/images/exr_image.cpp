@@ -90,8 +90,8 @@ Result<Image> decode(std::string_view bytes, const std::string& name) {
   }
   if (!can_hold(header, planes, bytes.size())) {
     return fail(ErrorCode::kDataLoss,
-                fmt::format("{}: claims {} x {} pixels of {} channels, more than its {} bytes hold", name,
-                            image.width, image.height, planes, bytes.size()),
+                fmt::format("{}: {} for {} x {} pixels of {} channels", name,
+                            ends_early(header, planes, bytes.size()), image.width, image.height, planes),
                 "the file is damaged or incomplete: export it again");
   }
   image.values.resize(image.pixels() * image.channels);

@@ -3,6 +3,7 @@
 
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfIO.h>
+#include <fmt/format.h>
 
 #include <cstdint>
 #include <cstring>
@@ -37,7 +38,8 @@ class ExrMemoryInput final : public Imf::IStream {
  private:
   void need(int n) const {
     if (n < 0 || at_ > bytes_.size() || static_cast<std::uint64_t>(n) > bytes_.size() - at_) {
-      throw std::runtime_error("the file ends early");
+      throw std::runtime_error("the file ends early at byte " + std::to_string(bytes_.size()) +
+                               ": expected " + std::to_string(n) + " bytes at byte " + std::to_string(at_));
     }
   }
   std::string_view bytes_;
@@ -67,14 +69,26 @@ class ExrMemoryOutput final : public Imf::OStream {
   std::size_t at_ = 0;
 };
 
-/// False when an image claims more than its file can hold: asked before memory is taken.
+/// Bytes that the pixels of an image have at least.
 /// Deflate, the best packer among EXR's lossless ones, reaches 1032 : 1.
-[[nodiscard]] inline bool can_hold(const Imf::Header& header, std::size_t planes, std::size_t file_size) {
+[[nodiscard]] inline double least_bytes(const Imf::Header& header, std::size_t planes) {
   const Imath::Box2i& window = header.dataWindow();
   const double width = static_cast<double>(window.max.x) - window.min.x + 1;
   const double height = static_cast<double>(window.max.y) - window.min.y + 1;
   const double least = header.compression() == Imf::NO_COMPRESSION ? 2.0 : 0.0019;
-  return width * height * static_cast<double>(planes) * least <= static_cast<double>(file_size);
+  return width * height * static_cast<double>(planes) * least;
+}
+
+/// False when an image claims more than its file can hold: asked before memory is taken.
+[[nodiscard]] inline bool can_hold(const Imf::Header& header, std::size_t planes, std::size_t file_size) {
+  return least_bytes(header, planes) <= static_cast<double>(file_size);
+}
+
+/// For messages about an image that its file cannot hold.
+[[nodiscard]] inline std::string ends_early(const Imf::Header& header, std::size_t planes,
+                                            std::size_t file_size) {
+  return fmt::format("byte {}: the file ends early: expected at least {:.0f} bytes of pixels", file_size,
+                     least_bytes(header, planes));
 }
 
 }  // namespace scatter::images

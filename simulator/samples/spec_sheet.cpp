@@ -29,7 +29,10 @@ Result<Map> read_map(std::string_view text) {
   std::error_code error;
   const bool regular = std::filesystem::is_regular_file(path, error);
   const std::uintmax_t size = regular ? std::filesystem::file_size(path, error) : 0;
-  std::ifstream file(path, std::ios::binary);
+  std::ifstream file;
+  if (regular) {  // To open a pipe would wait for somebody who writes.
+    file.open(path, std::ios::binary);
+  }
   if (!regular || error || !file) {
     return fail(ErrorCode::kNotFound, fmt::format("cannot read the map {}", text),
                 "give a number, or the path of an EXR or PNG picture without commas");

@@ -4,6 +4,7 @@
 
 #include <fstream>
 #include <iterator>
+#include <system_error>
 
 #include "host_sdk/device/recording_reader.h"
 #include "host_sdk/formats/classify.h"
@@ -50,6 +51,10 @@ Result<protocol::Ledger> ledger_of(const device::RecordingReader& reader, std::s
 }  // namespace
 
 bool looks_like_recording(const std::filesystem::path& file) {
+  // A pipe would wait for somebody who writes.
+  if (std::error_code error; !std::filesystem::is_regular_file(file, error)) {
+    return false;
+  }
   std::string head(4096, '\0');
   std::ifstream stream(file, std::ios::binary);
   stream.read(head.data(), std::ssize(head));

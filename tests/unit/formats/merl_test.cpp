@@ -1,5 +1,8 @@
 #include "host_sdk/formats/merl.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -197,8 +200,15 @@ TEST_CASE("A MERL file cut anywhere or with other counts is refused with the byt
   for (const double wrong : {std::nan(""), HUGE_VAL, -HUGE_VAL, 1e300}) {
     std::string other = bytes;
     std::memcpy(other.data() + 12 + 8 * 7, &wrong, 8);
-    REQUIRE(decode_merl(other, "nan").error().what.find("value 7") != std::string::npos);
+    const std::string what = decode_merl(other, "nan").error().what;
+    // 12 bytes of counts, 8 per double; as it stands in the file, not as a float.
+    CHECK(what.starts_with(fmt::format("nan: byte 68: value 7 is {}, expected", wrong)));
   }
+  std::string turned = bytes;
+  for (std::size_t k = 0; k < 3; ++k) {
+    std::reverse(turned.begin() + static_cast<long>(4 * k), turned.begin() + static_cast<long>(4 * k + 4));
+  }
+  CHECK(decode_merl(turned, "b").error().what.find("3 x 4 x 8 in big-endian order") != std::string::npos);
 }
 
 TEST_CASE("MERL takes one channel for three and refuses transmission") {

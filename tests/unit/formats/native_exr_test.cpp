@@ -92,6 +92,7 @@ TEST_CASE("A native EXR cut anywhere is refused with its name") {
     CAPTURE(percent);
     REQUIRE_FALSE(grid.has_value());
     REQUIRE(grid.error().what.starts_with("cut.exr"));
+    CHECK(grid.error().what.find("byte ") != std::string::npos);
     REQUIRE_FALSE(grid.error().remedy.empty());
   }
 }

@@ -1,15 +1,25 @@
 #include "host_sdk/formats/open_brdf.h"
 
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <array>
+#include <atomic>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <filesystem>
+#include <thread>
 
 #include "host_sdk/formats/classify.h"
 #include "host_sdk/formats/exr_atlas.h"
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/formats/merl.h"
 #include "host_sdk/formats/minidiff.h"
 #include "host_sdk/formats/native_exr.h"
+#include "host_sdk/formats/rgl.h"
 #include "host_sdk/reflectance/models/model_spec.h"
 #include "tests/unit/formats/real_data.h"
 #include "tests/unit/formats/sample_grid.h"
@@ -34,8 +44,17 @@ TEST_CASE("Files are known by their content") {
   std::string merl("\2\0\0\0\3\0\0\0\4\0\0\0", 12);
   merl.append(2 * 3 * 4 * 3 * 8, '\1');
   REQUIRE(classify(merl) == Format::kMerl);
-  merl.pop_back();
-  REQUIRE(classify(merl) == Format::kUnknown);
+  merl.pop_back();  // The reader says what does not fit.
+  REQUIRE(classify(merl) == Format::kMerl);
+  REQUIRE(classify(merl.substr(0, 12)) == Format::kMerl);
+  REQUIRE(classify(std::string("\0\0\0\2\0\0\0\3\0\0\0\4", 12)) == Format::kMerl);
+  REQUIRE(classify(std::string("\2\0\0\0\3\0\0\0\xFF\xFF\xFF\x7F", 12)) == Format::kMerl);
+  REQUIRE(classify("hello", "x.binary") == Format::kMerl);
+  REQUIRE(classify("", "x.binary") == Format::kUnknown);
+  REQUIRE(classify("{}") == Format::kBird);
+  REQUIRE(classify(" [") == Format::kBird);
+  REQUIRE(classify("# a\n" + std::string(100'000, '\n') + "# b\nSampleRotation 1\n") == Format::kZemax);
+  REQUIRE(classify(std::string("Source Meas\0red\nSampleRotation 1\n", 34)) == Format::kZemax);
   for (const std::string& nothing :
        {std::string(), std::string("hello"), std::string("\0\0\0\0", 4), std::string("\x76\x2f")}) {
     REQUIRE(classify(nothing) == Format::kUnknown);
@@ -104,4 +123,41 @@ TEST_CASE("A material of an atlas opens by the name behind the file's") {
   REQUIRE(wrong.error().code == ErrorCode::kNotFound);
   REQUIRE(wrong.error().remedy.find("dark, bright") != std::string::npos);
   std::filesystem::remove_all(folder);
+}
+
+TEST_CASE("What no reader takes is answered with what is there and every format that is read") {
+  const auto text = decode_brdf("hello, world and more", "a.txt").error();
+  CHECK(text.what.find("byte 0: found 'hello, world'") != std::string::npos);
+  CHECK(text.remedy.find("BiRD") != std::string::npos);
+  const auto binary = decode_brdf(std::string("\0\xFF\1", 3), "a").error();
+  CHECK(binary.what.find("byte 0: found bytes 00 FF 01") != std::string::npos);
+  CHECK(decode_brdf("\xFF\xFES", "a").error().what.find("byte 0: is UTF-16") != std::string::npos);
+  CHECK(decode_brdf("", "a").error().remedy.find("BiRD") != std::string::npos);
+  // The reader of the format names the place.
+  CHECK(decode_brdf("{\"data\": {\"a\": ]", "a").error().what.find("byte ") != std::string::npos);
+  CHECK(decode_brdf(std::string("\5\0\0\0\3\0\0\0\6\0\0\0", 12), "a").error().what ==
+        "a: byte 12: the file has 12 bytes, 5 x 3 x 6 cells need 2172");
+}
+
+TEST_CASE("A pipe is refused at once by everything that reads files") {
+  const auto path = std::filesystem::temp_directory_path() / fmt::format("scatter_pipe_{}", ::getpid());
+  REQUIRE(::mkfifo(path.c_str(), 0600) == 0);
+  // Somebody who writes comes late, so that an error of ours is no hang of the test.
+  std::atomic<bool> done = false;
+  std::thread late([&] {
+    for (int k = 0; k < 50 && !done; ++k) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    if (!done) {
+      ::close(::open(path.c_str(), O_RDWR | O_NONBLOCK));
+    }
+  });
+  const auto start = std::chrono::steady_clock::now();
+  CHECK(open_brdf(path.string()).error().what.find("is a pipe or a device") != std::string::npos);
+  CHECK(read_merl(path).error().what.find("is a pipe or a device") != std::string::npos);
+  CHECK(read_rgl(path).error().what.find("is a pipe or a device") != std::string::npos);
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(2));
+  done = true;
+  late.join();
+  std::filesystem::remove(path);
 }
