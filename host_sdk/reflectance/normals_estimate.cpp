@@ -1,9 +1,12 @@
 #include "host_sdk/reflectance/normals_estimate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace scatter::reflectance {
@@ -163,6 +166,43 @@ class ProjectedArea {
   std::vector<double> ring_;
 };
 
+/// Why there is nothing to build on: incidences without a value, or values that are all 0.
+std::unexpected<Error> nothing_to_build_on(const Brdf& brdf, std::span<const double> theta_i,
+                                           std::vector<double>& f) {
+  constexpr std::size_t kRows = 30;
+  constexpr std::size_t kColumns = 72;
+  std::string without;
+  std::string all_zero;
+  bool mirror = false;
+  for (const double theta : theta_i) {
+    const Direction omega_i = from_spherical(theta, 0);
+    bool known = false;
+    for (std::size_t k = 0; k < kRows * kColumns && !known; ++k) {
+      const double theta_o = share_of(k / kColumns, kRows) * radians(88);
+      const double phi_o = phi_at(share_of(k % kColumns, kColumns));
+      known = mean_value(brdf, omega_i, from_spherical(theta_o, phi_o), f).has_value();
+    }
+    std::string& list = known ? all_zero : without;
+    list += fmt::format("{}{:.4g}", list.empty() ? "" : ", ", degrees(theta));
+    mirror = mirror || brdf.dirac(omega_i, f);
+  }
+  if (mirror) {
+    return fail(ErrorCode::kFailedPrecondition,
+                "adaptive form: all light leaves in the mirror direction alone, which its tables cannot hold",
+                "give the model some roughness, or name the model itself where it is used");
+  }
+  if (!without.empty()) {
+    return fail(
+        ErrorCode::kFailedPrecondition,
+        fmt::format("adaptive form: too few values to make a material of: none at theta_i = {} deg", without),
+        "name the incidences that the data cover (--incidences), or convert to BiRD, which keeps single "
+        "directions");
+  }
+  return fail(ErrorCode::kFailedPrecondition,
+              fmt::format("adaptive form: every value is 0 at theta_i = {} deg", all_zero),
+              "check the data with 'scatter inspect'");
+}
+
 }  // namespace
 
 Result<NormalsEstimate> estimate_normals(const Brdf& brdf, std::span<const double> theta_i,
@@ -188,8 +228,7 @@ Result<NormalsEstimate> estimate_normals(const Brdf& brdf, std::span<const doubl
     any = fill(profile, ndf.data() + r * columns) || any;
   }
   if (!any || !std::ranges::any_of(ndf, [](float v) { return v > 0; })) {
-    return fail(ErrorCode::kFailedPrecondition, "adaptive form: no direction has a value above 0",
-                "check the data with 'scatter inspect'");
+    return nothing_to_build_on(brdf, theta_i, f);
   }
   const ProjectedArea area(columns, isotropic ? 1 : rows, isotropic);
   const std::vector<float> weight = ndf;

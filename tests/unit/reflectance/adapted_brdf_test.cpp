@@ -188,4 +188,15 @@ TEST_CASE("The adaptive form refuses transmission, wrong options and emptiness")
     CHECK(adapt(*lambert, options).error().code == ErrorCode::kInvalidArgument);
   }
   CHECK(adapt(*model("lambertian:0")).error().code == ErrorCode::kFailedPrecondition);
+  CHECK(adapt(*model("lambertian:0"), {.theta_i = {0, radians(20)}}).error().what ==
+        "adaptive form: every value is 0 at theta_i = 0, 20 deg");
+  GridBrdf::Content content = sample_on_grid(*lambert, GridLayout()).value().content();
+  for (GridPart& part : content.parts) {
+    part.origin.assign(part.origin.size(), Origin::kInvalid);
+  }
+  const auto empty = adapt(GridBrdf::make(content).value(), {.theta_i = {0, radians(20)}}).error();
+  CHECK(empty.what == "adaptive form: too few values to make a material of: none at theta_i = 0, 20 deg");
+  CHECK(empty.remedy.find("--incidences") != std::string::npos);
+  const auto mirror = adapt(*model("mirror:0.9")).error();
+  CHECK(mirror.what.find("mirror direction alone") != std::string::npos);
 }
