@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <numbers>
+#include <numeric>
 
 namespace scatter::plot {
 namespace {
@@ -49,19 +51,45 @@ const Palette& palette(Theme theme) noexcept {
   return theme == Theme::kLight ? kLight : kDark;
 }
 
-Colour channel_colour(double wavelength_nm, std::size_t channel, std::size_t channels, Theme theme) noexcept {
+std::vector<Colour> channel_colours(std::span<const float> wavelengths_nm, std::size_t channels,
+                                    Theme theme) {
   const bool dark = theme == Theme::kDark;
-  const Colour red = dark ? Colour{1.00, 0.42, 0.40} : Colour{0.80, 0.13, 0.15};
-  const Colour green = dark ? Colour{0.36, 0.84, 0.50} : Colour{0.05, 0.52, 0.25};
-  const Colour blue = dark ? Colour{0.45, 0.65, 1.00} : Colour{0.10, 0.35, 0.82};
   if (channels == 1) {
-    return dark ? Colour{0.95, 0.80, 0.45} : Colour{0.25, 0.27, 0.33};
+    return {dark ? Colour{0.95, 0.80, 0.45} : Colour{0.25, 0.27, 0.33}};
   }
-  if (wavelength_nm > 0) {
-    return wavelength_nm >= 590 ? red : wavelength_nm >= 490 ? green : blue;
+  const bool named = wavelengths_nm.size() == channels;
+  if (channels <= 3) {
+    const Colour primaries[] = {dark ? Colour{1.00, 0.42, 0.40} : Colour{0.80, 0.13, 0.15},
+                                dark ? Colour{0.36, 0.84, 0.50} : Colour{0.05, 0.52, 0.25},
+                                dark ? Colour{0.45, 0.65, 1.00} : Colour{0.10, 0.35, 0.82}};
+    std::vector<std::size_t> primary;
+    for (std::size_t k = 0; k < channels; ++k) {
+      const float nm = named ? wavelengths_nm[k] : 0;
+      primary.push_back(nm > 0 ? (nm >= 590 ? 0 : nm >= 490 ? 1 : 2) : k * 3 / channels);
+    }
+    auto sorted = primary;
+    std::ranges::sort(sorted);
+    if (std::ranges::adjacent_find(sorted) == sorted.end()) {
+      std::vector<Colour> colours;
+      for (const std::size_t k : primary) {
+        colours.push_back(primaries[k]);
+      }
+      return colours;
+    }
   }
-  const std::size_t third = channel * 3 / channels;
-  return third == 0 ? red : third == 1 ? green : blue;
+  std::vector<std::size_t> order(channels);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  if (named) {
+    std::ranges::stable_sort(order, {}, [&](std::size_t k) { return wavelengths_nm[k]; });
+  }
+  std::vector<Colour> colours(channels);
+  for (std::size_t rank = 0; rank < channels; ++rank) {
+    const double hue = (305.0 - 280.0 * double(rank) / double(channels - 1)) * std::numbers::pi / 180;
+    const double lightness = (dark ? 0.70 : 0.47) + (rank % 2 == 0 ? 0.0 : 0.15);
+    constexpr double kChroma = 0.14;
+    colours[order[rank]] = from_oklab({lightness, kChroma * std::cos(hue), kChroma * std::sin(hue)});
+  }
+  return colours;
 }
 
 std::string channel_name(double wavelength_nm, std::size_t channel, std::size_t channels) {

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "host_sdk/error/error.h"
 #include "tools/plot/colour_map.h"
@@ -29,9 +31,11 @@ struct Palette {
 };
 [[nodiscard]] const Palette& palette(Theme theme) noexcept;
 
-/// Colour for a wavelength [nm] or, when it is 0, for the position of a channel.
-[[nodiscard]] Colour channel_colour(double wavelength_nm, std::size_t channel, std::size_t channels,
-                                    Theme theme) noexcept;
+/// One colour per channel: red, green and blue where these tell up to three channels apart, else a ramp
+/// from violet (the shortest wavelength, or the first channel) to red with neighbours of unlike lightness.
+/// `wavelengths_nm` has one per channel or is empty.
+[[nodiscard]] std::vector<Colour> channel_colours(std::span<const float> wavelengths_nm, std::size_t channels,
+                                                  Theme theme);
 /// "R 630 nm", "channel 2", "luminance".
 [[nodiscard]] std::string channel_name(double wavelength_nm, std::size_t channel, std::size_t channels);
 

@@ -74,9 +74,7 @@ std::array<Colour, kColourMapSize> make_map() {
     const auto upper = std::ranges::lower_bound(length, wanted);
     const auto i = std::size_t(std::clamp<std::ptrdiff_t>(upper - length.begin(), 1, kFine));
     const double part = (wanted - length[i - 1]) / (length[i] - length[i - 1]);
-    const auto rgb = to_linear_rgb(path((double(i - 1) + part) / kFine));
-    table[k] = {to_encoded(std::clamp(rgb[0], 0.0, 1.0)), to_encoded(std::clamp(rgb[1], 0.0, 1.0)),
-                to_encoded(std::clamp(rgb[2], 0.0, 1.0)), 1};
+    table[k] = from_oklab(path((double(i - 1) + part) / kFine));
   }
   return table;
 }
@@ -93,6 +91,12 @@ OkLab to_oklab(const Colour& colour) noexcept {
   return {0.2104542553 * l + 0.7936177850 * m - 0.0040720468 * s,
           1.9779984951 * l - 2.4285922050 * m + 0.4505937099 * s,
           0.0259040371 * l + 0.7827717662 * m - 0.8086757660 * s};
+}
+
+Colour from_oklab(const OkLab& place) noexcept {
+  const auto rgb = to_linear_rgb(place);
+  return {to_encoded(std::clamp(rgb[0], 0.0, 1.0)), to_encoded(std::clamp(rgb[1], 0.0, 1.0)),
+          to_encoded(std::clamp(rgb[2], 0.0, 1.0)), 1};
 }
 
 const std::array<Colour, kColourMapSize>& colour_map() {

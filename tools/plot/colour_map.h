@@ -22,6 +22,8 @@ struct OkLab {
 };
 
 [[nodiscard]] OkLab to_oklab(const Colour& colour) noexcept;
+/// The nearest colour that a screen can show: components outside the gamut are cut off.
+[[nodiscard]] Colour from_oklab(const OkLab& place) noexcept;
 
 inline constexpr std::size_t kColourMapSize = 512;
 

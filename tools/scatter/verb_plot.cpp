@@ -6,6 +6,7 @@
 
 #include "host_sdk/reflectance/grid_brdf.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
+#include "tools/plot/caption.h"
 #include "tools/plot/curves.h"
 #include "tools/plot/hemispheres.h"
 #include "tools/scatter/files.h"
@@ -33,7 +34,8 @@ plot::Scale scale_of(const std::string& name) {
   return name == "log" ? plot::Scale::kLog : name == "linear" ? plot::Scale::kLinear : plot::Scale::kAuto;
 }
 
-/// The incidences asked for; without any, those of the first subject that was measured.
+/// The incidences asked for; without any, those of the first subject that was measured, drawn evenly spaced
+/// where there are many.
 std::vector<plot::Incidence> incidences(const Options& options, const std::vector<plot::NamedBrdf>& brdfs) {
   std::vector<plot::Incidence> chosen;
   for (const double theta_deg : options.incidences_deg) {
@@ -48,44 +50,51 @@ std::vector<plot::Incidence> incidences(const Options& options, const std::vecto
   if (chosen.empty()) {
     chosen = plot::incidences_of(*brdfs.front().brdf);
   }
-  // More panels than fit: evenly spaced ones.
-  constexpr std::size_t kMost = 12;
-  if (options.incidences_deg.empty() && chosen.size() > kMost) {
-    std::vector<plot::Incidence> some;
-    for (std::size_t k = 0; k < kMost; ++k) {
-      some.push_back(chosen[k * (chosen.size() - 1) / (kMost - 1)]);
-    }
-    return some;
-  }
   return chosen;
 }
 
-Result<std::string> draw(const Options& options, const std::vector<plot::NamedBrdf>& brdfs) {
+/// Panels and discs of a picture whose incidences nobody chose.
+constexpr std::size_t kMost = 12;
+
+Result<std::string> hemispheres(const Options& options, const plot::NamedBrdf& named, plot::ImageKind kind,
+                                const std::vector<plot::Incidence>& lights, std::vector<std::string>& told) {
+  const auto grid = grid_of(*named.brdf, lights);
+  if (!grid) {
+    return std::unexpected(grid.error());
+  }
+  return plot::hemispheres(**grid,
+                           {.kind = kind,
+                            .theme = options.light ? plot::Theme::kLight : plot::Theme::kDark,
+                            .scale = scale_of(options.scale),
+                            .luminance = options.luminance,
+                            .title = options.title.empty() ? named.name : options.title,
+                            .max_rows = options.incidences_deg.empty() ? kMost : lights.size(),
+                            .notes = {plot::dirac_note(named, lights)}},
+                           &told);
+}
+
+Result<std::string> draw(const Options& options, const std::vector<plot::NamedBrdf>& brdfs,
+                         std::vector<std::string>& told) {
   const auto kind = plot::image_kind(options.output);
   if (!kind) {
     return std::unexpected(kind.error());
   }
   if (options.kind == "curves") {
-    return plot::curves(brdfs, {.kind = *kind,
-                                .theme = options.dark ? plot::Theme::kDark : plot::Theme::kLight,
-                                .scale = scale_of(options.scale),
-                                .title = options.title,
-                                .incidences = incidences(options, brdfs)});
+    return plot::curves(brdfs,
+                        {.kind = *kind,
+                         .theme = options.dark ? plot::Theme::kDark : plot::Theme::kLight,
+                         .scale = scale_of(options.scale),
+                         .title = options.title,
+                         .incidences = incidences(options, brdfs),
+                         .max_panels = options.incidences_deg.empty() ? kMost : 24},
+                        &told);
   }
   if (brdfs.size() != 1) {
     return fail(ErrorCode::kInvalidArgument,
                 fmt::format("hemispheres of {} BRDFs in one picture", brdfs.size()),
                 "draw one at a time, or use --kind curves to lay several over each other");
   }
-  const auto grid = grid_of(*brdfs.front().brdf, incidences(options, brdfs));
-  if (!grid) {
-    return std::unexpected(grid.error());
-  }
-  return plot::hemispheres(**grid, {.kind = *kind,
-                                    .theme = options.light ? plot::Theme::kLight : plot::Theme::kDark,
-                                    .scale = scale_of(options.scale),
-                                    .luminance = options.luminance,
-                                    .title = options.title.empty() ? brdfs.front().name : options.title});
+  return hemispheres(options, brdfs.front(), *kind, incidences(options, brdfs), told);
 }
 
 Result<Answer> run(const Options& options) {
@@ -103,7 +112,8 @@ Result<Answer> run(const Options& options) {
     kept.push_back(prepared->brdf);
     brdfs.push_back({shown_name(subject), kept.back().get()});
   }
-  const auto picture = draw(options, brdfs);
+  std::vector<std::string> notes;
+  const auto picture = draw(options, brdfs, notes);
   if (!picture) {
     return std::unexpected(picture.error());
   }
@@ -111,8 +121,11 @@ Result<Answer> run(const Options& options) {
     return std::unexpected(written.error());
   }
   Answer answer;
-  answer.json = {{"files", {options.output}}};
+  answer.json = {{"notes", notes}, {"files", {options.output}}};
   answer.text = options.output + "\n";
+  for (const std::string& note : notes) {
+    answer.text += fmt::format("  {}\n", note);
+  }
   return answer;
 }
 

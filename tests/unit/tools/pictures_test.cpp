@@ -117,8 +117,15 @@ TEST_CASE("A disc shows phi = 0 on the right, 90 deg on top, and each value in i
   CHECK(colour_at(image, 45, 135) == rgb(map_colour(0.4)));
   CHECK(colour_at(image, 45, 225) == rgb(map_colour(0.6)));
   CHECK(colour_at(image, 45, 315) == rgb(map_colour(1.0)));
-  // Nothing is drawn between the measured range and the horizon.
-  CHECK(colour_at(image, 83, 45) == rgb(palette(Theme::kDark).background));
+  // Between the last ring and the horizon there is no measurement: hatched, neither empty nor as measured.
+  std::size_t page = 0;
+  std::size_t as_measured = 0;
+  for (double phi_deg = 20; phi_deg < 70; phi_deg += 0.5) {
+    page += colour_at(image, 83, phi_deg) == rgb(palette(Theme::kDark).background);
+    as_measured += colour_at(image, 83, phi_deg) == rgb(map_colour(0.2));
+  }
+  CHECK(page == 0);
+  CHECK(as_measured == 0);
 }
 
 TEST_CASE("Values without a measurement never look like measured ones") {
@@ -172,6 +179,83 @@ TEST_CASE("Pictures can be drawn of values that are all zero, negative or huge")
       CHECK(curves(one, {.scale = scale, .incidences = incidences_of(brdf)}));
     }
   }
+}
+
+TEST_CASE("Every channel has a colour of its own") {
+  for (const Theme theme : {Theme::kLight, Theme::kDark}) {
+    for (std::size_t channels = 2; channels <= 12; ++channels) {
+      std::vector<float> nm;
+      for (std::size_t k = 0; k < channels; ++k) {
+        nm.push_back(450 + 50 * float(k));
+      }
+      for (const auto& wavelengths : {nm, std::vector<float>(), std::vector<float>(channels, 600)}) {
+        const auto colours = channel_colours(wavelengths, channels, theme);
+        REQUIRE(colours.size() == channels);
+        for (std::size_t a = 0; a < channels; ++a) {
+          for (std::size_t b = 0; b < a; ++b) {
+            const OkLab p = to_oklab(colours[a]);
+            const OkLab q = to_oklab(colours[b]);
+            // 0.02 is about what eyes just tell apart.
+            CHECK(std::hypot(p.lightness - q.lightness, p.green_red - q.green_red,
+                             p.blue_yellow - q.blue_yellow) > 0.06);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE(
+    "A picture tells what it cannot show: a mirror's share, values without a logarithm, no value at all") {
+  const auto sentences_of = [](const reflectance::Brdf& brdf, CurveOptions options) {
+    std::vector<std::string> told;
+    const NamedBrdf one[] = {{"it", &brdf}};
+    REQUIRE(curves(one, options, &told));
+    std::string all;
+    for (const auto& sentence : told) {
+      all += sentence + "\n";
+    }
+    return all;
+  };
+  const auto mirror = reflectance::make_model("mirror:0.9");
+  REQUIRE(mirror);
+  CHECK(sentences_of(**mirror, {.incidences = {{0, 0}}}).find("it: 0.9 of the light") == 0);
+
+  const auto measured = [](int, int) { return Origin::kMeasured; };
+  // Half of the plane of incidence at -1: 150 of the 301 points to 75 deg, in steps of 0.5.
+  const auto half = grid([](int theta, int phi) { return phi == 180 && theta > 0 ? 1.0 : -1.0; }, measured);
+  const CurveOptions log{.scale = Scale::kLog, .incidences = {{radians(40), 0}}};
+  const auto lost = sentences_of(half, log);
+  CHECK(lost.find("at or below 0: 525 nm ") != std::string::npos);
+  CHECK(lost.find(" of 301 points") != std::string::npos);
+  CHECK(sentences_of(half, {.scale = Scale::kLinear, .incidences = {{radians(40), 0}}}).empty());
+  // Nothing positive: only a linear scale shows it, and it is chosen.
+  const auto negative = grid([](int, int) { return -1.0; }, measured);
+  CHECK(sentences_of(negative, {.incidences = {{radians(40), 0}}}).empty());
+
+  const auto nothing = grid([](int, int) { return 1.0; }, [](int, int) { return Origin::kInvalid; });
+  CHECK(sentences_of(nothing, log).find("nothing to draw") == 0);
+  std::vector<std::string> told;
+  REQUIRE(hemispheres(nothing, bare(), &told));
+  REQUIRE(told.size() == 1);
+  CHECK(told.front().find("nothing to draw") == 0);
+}
+
+TEST_CASE("Incidences that a picture leaves out are named, rotations told apart") {
+  const auto brdf = reflectance::make_model("lambertian:0.5");
+  REQUIRE(brdf);
+  const NamedBrdf one[] = {{"it", brdf->get()}};
+  CurveOptions options{.incidences = {}, .max_panels = 2};
+  for (const double theta_deg : {0.0, 20.0, 40.0}) {
+    options.incidences.push_back({radians(theta_deg), 0});
+  }
+  std::vector<std::string> told;
+  REQUIRE(curves(one, options, &told));
+  REQUIRE(told.size() == 1);
+  CHECK(told.front() == "2 of 3 incidences drawn, left out: θᵢ = 20°");
+  CHECK_FALSE(turned(options.incidences));
+  CHECK(incidence_name({radians(20), radians(10)}, turned({{0, 0}, {0, radians(10)}})) ==
+        "θᵢ = 20°, φᵢ = 10°");
 }
 
 TEST_CASE("The extension decides between PNG and SVG") {
