@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <ranges>
 #include <utility>
 
 #include "host_sdk/reflectance/grid_brdf.h"
@@ -25,6 +24,9 @@ constexpr double kTotalsAgree = 0.05;
 constexpr std::size_t kMostIncidences = 64;
 /// What knows all incidences alike gains energy at grazing ones if anywhere [deg].
 constexpr std::array<double, 3> kGrazing{75, 85, 88};
+
+/// Less of the hemisphere than this does not tell an albedo.
+constexpr double kLeastKnown = 0.01;
 
 bool has_value(Origin origin) noexcept {
   return origin == Origin::kMeasured || origin == Origin::kInterpolated;
@@ -108,12 +110,7 @@ class Inspector {
         origin_(hemisphere_.omega_o.size()) {}
 
   IncidenceInspection at(const Direction& omega_i) {
-    IncidenceInspection out;
-    out.theta_i = theta_of(omega_i);
-    out.phi_i = phi_of(omega_i);
-    brdf_.eval_batch(omega_i, hemisphere_.omega_o, f_, origin_);
-    share(out);
-    energy(omega_i, out);
+    IncidenceInspection out = energy_at(omega_i);
     symmetry(omega_i, out);
     return out;
   }
@@ -124,15 +121,21 @@ class Inspector {
     out.theta_i = theta_of(omega_i);
     out.phi_i = phi_of(omega_i);
     brdf_.eval_batch(omega_i, hemisphere_.omega_o, f_, origin_);
-    share(out);
+    const bool shines = share(out);
     energy(omega_i, out);
+    const auto dark = [](const std::vector<double>& values) {
+      return std::ranges::all_of(values, [](double value) { return value == 0; });
+    };
+    out.nothing_known =
+        dark(out.albedo.dirac) && (1 - out.coverage[0] < kLeastKnown || (shines && dark(out.albedo.value)));
     return out;
   }
 
   std::optional<Deviation> whole_symmetry() { return symmetry_.result(); }
 
  private:
-  void share(IncidenceInspection& out) const {
+  /// True where some direction of the hemisphere has a value other than 0.
+  bool share(IncidenceInspection& out) const {
     std::vector<double> all(channels_, 0.0);
     std::vector<double> extrapolated(channels_, 0.0);
     for (std::size_t n = 0; n < origin_.size(); ++n) {
@@ -145,6 +148,7 @@ class Inspector {
     }
     const auto largest = static_cast<std::size_t>(std::ranges::max_element(all) - all.begin());
     out.extrapolated_albedo_share = all[largest] > 0 ? extrapolated[largest] / all[largest] : 0;
+    return std::ranges::any_of(f_, [](double f) { return f != 0; });
   }
 
   void energy(const Direction& omega_i, IncidenceInspection& out) const {
@@ -275,16 +279,9 @@ std::vector<double> whole_albedo(const IncidenceInspection& incidence) {
   return whole;
 }
 
-bool nothing_known(const IncidenceInspection& incidence) {
-  return std::ranges::all_of(incidence.coverage | std::views::drop(1),
-                             [](double share) { return share == 0; }) &&
-         std::ranges::all_of(incidence.albedo.dirac, [](double share) { return share == 0; }) &&
-         std::ranges::all_of(incidence.albedo.value, [](double share) { return share == 0; });
-}
-
 void EnergyBalance::add(const IncidenceInspection& incidence) {
   judged_to = std::max(judged_to, incidence.theta_i);
-  if (nothing_known(incidence)) {
+  if (incidence.nothing_known) {
     return;
   }
   const double albedo = std::ranges::max(whole_albedo(incidence));

@@ -45,6 +45,9 @@ struct IncidenceInspection {
   OriginShares coverage{};
   /// Of the whole hemisphere, extrapolated directions included; invalid ones count as 0.
   Albedo albedo;
+  /// The albedo says nothing: there is no Dirac component, and less than 1 % of the hemisphere has a value or
+  /// single directions have one with nothing between them, as in a list.
+  bool nothing_known = false;
   /// Share of the largest albedo that extrapolated directions hold [1].
   double extrapolated_albedo_share = 0;
   /// Albedo and Dirac component above 1 in some channel, by more than the quadrature's error.
@@ -57,13 +60,9 @@ struct IncidenceInspection {
 /// Albedo of the values and the Dirac component together, per channel.
 [[nodiscard]] std::vector<double> whole_albedo(const IncidenceInspection& incidence);
 
-/// Not one direction of the hemisphere has a value, and there is no Dirac component: the albedo of 0 says
-/// nothing.
-[[nodiscard]] bool nothing_known(const IncidenceInspection& incidence);
-
 /// What all incidences judged say of energy.
 struct EnergyBalance {
-  std::optional<double> largest_albedo;  ///< Of any channel; nothing where no incidence has a value.
+  std::optional<double> largest_albedo;  ///< Of any channel; absent where no incidence tells one.
   double largest_at = 0;                 ///< theta_i of it [rad].
   double judged_to = 0;                  ///< Largest theta_i judged [rad].
   bool gained = false;                   ///< Some incidence gains energy.

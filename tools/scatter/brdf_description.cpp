@@ -6,8 +6,12 @@
 #include <array>
 #include <utility>
 
+#include "host_sdk/formats/sample_list_brdf.h"
+#include "host_sdk/reflectance/adaptive_brdf.h"
 #include "host_sdk/reflectance/grid_brdf.h"
+#include "host_sdk/reflectance/half_difference_brdf.h"
 #include "host_sdk/reflectance/inspection.h"
+#include "host_sdk/reflectance/negative_values.h"
 #include "host_sdk/reflectance/specular_grid_brdf.h"
 #include "tools/plot/ticks.h"
 #include "tools/scatter/text_table.h"
@@ -15,11 +19,14 @@
 namespace scatter::cli {
 namespace {
 
+using formats::SampleListBrdf;
 using nlohmann::ordered_json;
+using reflectance::AdaptiveBrdf;
 using reflectance::Brdf;
 using reflectance::degrees;
 using reflectance::Deviation;
 using reflectance::GridBrdf;
+using reflectance::HalfDifferenceBrdf;
 using reflectance::IncidenceInspection;
 using reflectance::Inspection;
 using reflectance::OriginShares;
@@ -46,21 +53,21 @@ std::string text_of(const std::optional<Deviation>& deviation, std::string_view 
                    : std::string("cannot be told: no pair of directions has a value both ways");
 }
 
-/// With the Dirac component, which the integral does not hold.
-std::vector<double> whole_albedo(const IncidenceInspection& incidence) {
-  std::vector<double> whole = incidence.albedo.value;
-  for (std::size_t c = 0; c < whole.size() && c < incidence.albedo.dirac.size(); ++c) {
-    whole[c] += incidence.albedo.dirac[c];
-  }
-  return whole;
-}
-
 const std::map<std::string, std::string>* metadata_of(const Brdf& brdf) {
   if (const auto* grid = dynamic_cast<const GridBrdf*>(&brdf)) {
     return &grid->content().metadata;
   }
   if (const auto* grid = dynamic_cast<const SpecularGridBrdf*>(&brdf)) {
     return &grid->content().metadata;
+  }
+  if (const auto* adaptive = dynamic_cast<const AdaptiveBrdf*>(&brdf)) {
+    return &adaptive->content().metadata;
+  }
+  if (const auto* table = dynamic_cast<const HalfDifferenceBrdf*>(&brdf)) {
+    return &table->content().metadata;
+  }
+  if (const auto* list = dynamic_cast<const SampleListBrdf*>(&brdf)) {
+    return &list->samples().metadata;
   }
   return nullptr;
 }
@@ -78,11 +85,25 @@ std::string shape_of(const Brdf& brdf) {
                        content.rotation.size(), content.theta_i.size(), content.azimuth.size(),
                        content.radial.size(), content.plane_symmetric ? ", plane-symmetric" : "");
   }
+  if (const auto* adaptive = dynamic_cast<const AdaptiveBrdf*>(&brdf)) {
+    const auto& content = adaptive->content();
+    return fmt::format("adaptive: {} incidences{}, {} x {} half vectors each",
+                       adaptive->own_incidences().size(), adaptive->isotropic() ? ", isotropic" : "",
+                       content.spectra.width, content.spectra.height);
+  }
+  if (const auto* list = dynamic_cast<const SampleListBrdf*>(&brdf)) {
+    return fmt::format("none: a list of {} directions at {} incidences", list->samples().size(),
+                       list->own_incidences().size());
+  }
   return {};
 }
 
-/// One row per line of the value.
+/// One row per line of the value. A long key has a row of its own, so that it does not widen the column.
 void add_lines(std::string key, std::string_view value, Rows& rows) {
+  constexpr std::size_t kLongKey = 28;
+  if (key.size() > kLongKey) {
+    rows.push_back({std::exchange(key, "")});
+  }
   while (!value.empty()) {
     const std::size_t end = std::min(value.find('\n'), value.size());
     rows.push_back({std::exchange(key, ""), std::string(value.substr(0, end))});
@@ -109,7 +130,7 @@ void add_incidences(const Brdf& brdf, const Inspection& found, ordered_json& jso
     ordered_json entry = {{"rotation_deg", degrees(incidence.rotation_rad)},
                           {"theta_i_deg", degrees(incidence.theta_i)},
                           {"phi_i_deg", degrees(incidence.phi_i)},
-                          {"albedo", whole},
+                          {"albedo", incidence.nothing_known ? ordered_json(nullptr) : ordered_json(whole)},
                           {"dirac", incidence.albedo.dirac},
                           {"quadrature_error", incidence.albedo.error},
                           {"extrapolated_share", incidence.extrapolated_albedo_share},
@@ -120,14 +141,18 @@ void add_incidences(const Brdf& brdf, const Inspection& found, ordered_json& jso
     const std::string light = turned ? fmt::format("{}, azimuth {}", plot::angle_text(incidence.theta_i),
                                                    plot::angle_text(incidence.phi_i))
                                      : plot::angle_text(incidence.theta_i);
-    std::vector<std::string> row = {
-        light, percent(share[1]), percent(share[2]), percent(share[3]), percent(share[0]), numbers(whole, 4)};
+    std::vector<std::string> row = {light,
+                                    percent(share[1]),
+                                    percent(share[2]),
+                                    percent(share[3]),
+                                    percent(share[0]),
+                                    incidence.nothing_known ? std::string("-") : numbers(whole, 4)};
     if (grid != nullptr && k < grid->content().parts.size()) {
       const auto measured = reflectance::grid_albedo(*grid, k, Region::kMeasured);
       entry["albedo_measured_region"] = measured;
       row.push_back(numbers(measured, 4));
     }
-    row.push_back(percent(incidence.extrapolated_albedo_share));
+    row.push_back(incidence.nothing_known ? std::string("-") : percent(incidence.extrapolated_albedo_share));
     row.push_back(incidence.mirror_symmetry ? fmt::format("{:.3g} %", 100 * incidence.mirror_symmetry->median)
                                             : std::string("-"));
     rows.push_back(std::move(row));
@@ -177,6 +202,54 @@ void add_totals(const Inspection& found, ordered_json& json, std::string& text) 
   }
 }
 
+std::string energy_text(const Inspection& found) {
+  const auto& energy = found.energy;
+  if (!energy.largest_albedo) {
+    return "cannot be told: no incidence has values over enough of the hemisphere";
+  }
+  const std::string largest =
+      fmt::format("largest albedo {:.4f} at {}", *energy.largest_albedo, plot::angle_text(energy.largest_at));
+  if (energy.gained) {
+    return fmt::format(
+        "more light leaves than arrives ({}): the data or the formula are wrong, or their "
+        "extrapolated values",
+        largest);
+  }
+  constexpr double kMuchUnknown = 0.01;
+  return fmt::format("conserved up to incidences of {}{}, {}", plot::angle_text(energy.judged_to),
+                     found.origin_shares[0] > kMuchUnknown ? " as far as there are values" : "", largest);
+}
+
+ordered_json energy_json(const reflectance::EnergyBalance& energy) {
+  if (!energy.largest_albedo) {
+    return {{"largest_albedo", nullptr}, {"conserved", nullptr}};
+  }
+  return {{"largest_albedo", *energy.largest_albedo},
+          {"largest_at_deg", degrees(energy.largest_at)},
+          {"judged_to_deg", degrees(energy.judged_to)},
+          {"conserved", !energy.gained}};
+}
+
+/// Negative values, and a list or table that was looked at here and there only.
+void add_warnings(const Brdf& brdf, const Inspection& found, ordered_json& json) {
+  auto& warnings = json["warnings"];
+  const auto* list = dynamic_cast<const SampleListBrdf*>(&brdf);
+  const auto negative =
+      list != nullptr ? reflectance::negative_values(list->samples()) : reflectance::negative_values(brdf);
+  if (negative.count > 0) {
+    json["negative_values"] = {{"count", negative.count}, {"of", negative.of}, {"least", negative.least}};
+    warnings.push_back(fmt::format(
+        "{} of {} values are negative, down to {:.3g}{}: noise below the "
+        "instrument's zero, or a mistake{}",
+        negative.count, negative.of, negative.least, negative.count_as_0 ? " in the file's table" : " 1/sr",
+        negative.count_as_0 ? "; they count as 0" : ""));
+  }
+  if (found.available_incidences > found.incidences.size()) {
+    warnings.push_back(fmt::format("{} of its {} incidences are looked at, spread over them",
+                                   found.incidences.size(), found.available_incidences));
+  }
+}
+
 }  // namespace
 
 Answer describe_brdf(const std::string& name, const Brdf& brdf) {
@@ -185,11 +258,9 @@ Answer describe_brdf(const std::string& name, const Brdf& brdf) {
   auto& json = answer.json;
   const char* type = brdf.type() == reflectance::ScatterType::kBtdf ? "BTDF" : "BRDF";
   const std::vector<float> wavelengths(brdf.wavelengths_nm().begin(), brdf.wavelengths_nm().end());
-  double largest = 0;
   std::vector<double> incidences_deg;
   for (const auto& incidence : found.incidences) {
     incidences_deg.push_back(degrees(incidence.theta_i));
-    largest = std::max(largest, std::ranges::max(whole_albedo(incidence)));
   }
   json = {{"kind", "brdf"},
           {"name", name},
@@ -198,7 +269,7 @@ Answer describe_brdf(const std::string& name, const Brdf& brdf) {
           {"wavelengths_nm", wavelengths},
           {"incidences_deg", incidences_deg},
           {"coverage", to_json(found.origin_shares)},
-          {"energy", {{"largest_albedo", largest}, {"conserved", !found.gains_energy}}},
+          {"energy", energy_json(found.energy)},
           {"reciprocity", to_json(found.reciprocity)},
           {"mirror_symmetry", to_json(found.mirror_symmetry)},
           {"warnings", ordered_json::array()}};
@@ -213,15 +284,12 @@ Answer describe_brdf(const std::string& name, const Brdf& brdf) {
   rows.push_back({"coverage", fmt::format("of the hemisphere {:.1f} % measured, {:.1f} % interpolated, "
                                           "{:.1f} % extrapolated, {:.1f} % without a value",
                                           100 * share[1], 100 * share[2], 100 * share[3], 100 * share[0])});
-  rows.push_back({"energy", found.gains_energy
-                                ? fmt::format("more light leaves than arrives (largest albedo {:.4f}): the "
-                                              "data are wrong, or hold extrapolated values that are",
-                                              largest)
-                                : fmt::format("conserved, largest albedo {:.4f}", largest)});
+  rows.push_back({"energy", energy_text(found)});
   if (brdf.type() == reflectance::ScatterType::kBrdf) {
     rows.push_back({"reciprocity", text_of(found.reciprocity, "f(a to b) and f(b to a)")});
   }
   rows.push_back({"symmetry", text_of(found.mirror_symmetry, "the halves beside the plane of incidence")});
+  add_warnings(brdf, found, json);
   std::string tables;
   add_incidences(brdf, found, json, tables);
   add_totals(found, json, tables);

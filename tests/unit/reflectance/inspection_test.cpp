@@ -138,7 +138,7 @@ TEST_CASE("Where nothing is known energy cannot be told") {
   GridBrdf::Content content = sample_on_grid(*make_model("lambertian:0.5").value(), layout).value().content();
   content.parts[0].origin.assign(content.parts[0].origin.size(), Origin::kInvalid);
   const Inspection found = inspect(GridBrdf::make(content).value());
-  REQUIRE(nothing_known(found.incidences[0]));
+  REQUIRE(found.incidences[0].nothing_known);
   REQUIRE_FALSE(found.energy.largest_albedo.has_value());
   REQUIRE_FALSE(found.gains_energy);
   // Black is known to be black, and a mirror has no value in any direction but one.
