@@ -1,4 +1,5 @@
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
@@ -307,6 +308,11 @@ TEST_CASE("Other files, folders and later versions are refused with a remedy") {
   CHECK(code(later) == ErrorCode::kInvalidArgument);
   CHECK(RecordingReader::open("/nowhere/at/all.scat").error().code == ErrorCode::kNotFound);
   CHECK(RecordingReader::open("/").error().code == ErrorCode::kInvalidArgument);
+  // A pipe that nobody writes to: an answer, not a wait.
+  const std::string pipe = file.path().string() + ".pipe";
+  REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+  CHECK(RecordingReader::open(pipe).error().code == ErrorCode::kInvalidArgument);
+  std::filesystem::remove(pipe);
   CHECK(RecordingWriter::create("/nowhere/at/all.scat", {}).error().code == ErrorCode::kNotFound);
   CHECK(RecordingWriter::create("/", {}).error().code == ErrorCode::kInvalidArgument);
 }
