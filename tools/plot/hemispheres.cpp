@@ -129,6 +129,7 @@ std::vector<std::string> unseen(const GridBrdf::Content& content, const std::vec
                                 const std::vector<Column>& columns, const Axis& axis) {
   std::string dark;
   std::size_t valid_anywhere = 0;
+  std::size_t nodes = 0;
   for (std::size_t k = 0; k < columns.size(); ++k) {
     std::size_t valid = 0;
     std::size_t not_positive = 0;
@@ -141,6 +142,7 @@ std::vector<std::string> unseen(const GridBrdf::Content& content, const std::vec
       }
     }
     valid_anywhere += valid;
+    nodes += planes[k].size() * (planes.size() / columns.size());
     if (not_positive > 0) {
       dark += fmt::format("{}{} {} of {} directions", dark.empty() ? "" : ", ",
                           column_name(content, columns[k]), not_positive, valid);
@@ -149,10 +151,16 @@ std::vector<std::string> unseen(const GridBrdf::Content& content, const std::vec
   if (valid_anywhere == 0) {
     return {"nothing to draw: no direction has a value at these incidences"};
   }
-  if (axis.log && !dark.empty()) {
-    return {"a logarithmic scale cannot show values at or below 0, they have the darkest colour: " + dark};
+  std::vector<std::string> sentences;
+  if (100 * valid_anywhere < nodes) {
+    sentences.push_back(fmt::format("hardly anything to draw: {} of {} directions have a value, each a point",
+                                    valid_anywhere / columns.size(), nodes / columns.size()));
   }
-  return {};
+  if (axis.log && !dark.empty()) {
+    sentences.push_back(
+        "a logarithmic scale cannot show values at or below 0, they have the darkest colour: " + dark);
+  }
+  return sentences;
 }
 
 }  // namespace

@@ -65,23 +65,24 @@ Status check_exports(const Options& options) {
   return {};
 }
 
-Result<std::string> draw(const Options& options, const rf::Brdf& measured, const rf::FitResult& result) {
+Result<std::string> draw(const Options& options, const rf::Brdf& measured, const rf::FitResult& result,
+                         std::vector<std::string>& told) {
   const auto kind = plot::image_kind(options.picture);
   if (!kind) {
     return std::unexpected(kind.error());
   }
-  constexpr std::size_t kMost = 12;  // panels
   std::vector<plot::Incidence> incidences;
-  const std::size_t count = result.incidences.size();
-  for (std::size_t k = 0; k < std::min(count, kMost); ++k) {
-    const auto& loss = result.incidences[count <= kMost ? k : k * (count - 1) / (kMost - 1)];
+  for (const auto& loss : result.incidences) {
     incidences.push_back({loss.theta_i, loss.phi_i});
   }
   const std::vector<plot::NamedBrdf> both{{fs::path(options.subject).filename().string(), &measured},
                                           {name(result.family), result.model.get()}};
-  return plot::curves(both, {.kind = *kind,
-                             .title = fs::path(options.subject).filename().string(),
-                             .incidences = std::move(incidences)});
+  return plot::curves(both,
+                      {.kind = *kind,
+                       .title = fs::path(options.subject).filename().string(),
+                       .incidences = std::move(incidences),
+                       .max_panels = 12},
+                      &told);
 }
 
 Result<Answer> run(const Options& options, const Context& context) {
@@ -141,8 +142,9 @@ Result<Answer> run(const Options& options, const Context& context) {
   bar.clear();
   Answer answer = fit_report(selection.best, selection.scores, engines);
   std::vector<std::string> files;
+  std::vector<std::string> told;
   if (!options.picture.empty()) {
-    const auto picture = draw(options, **brdf, selection.best);
+    const auto picture = draw(options, **brdf, selection.best, told);
     if (!picture) {
       return std::unexpected(picture.error());
     }
@@ -161,8 +163,12 @@ Result<Answer> run(const Options& options, const Context& context) {
     files.push_back(path);
   }
   answer.json["files"] = files;
+  answer.json["picture_notes"] = told;
   for (const std::string& file : files) {
     answer.text += fmt::format("\n{}\n", file);
+  }
+  for (const std::string& sentence : told) {
+    answer.text += fmt::format("  {}\n", sentence);
   }
   return answer;
 }

@@ -3,7 +3,10 @@
 #include <CLI/CLI.hpp>
 
 #include <memory>
+#include <string>
+#include <vector>
 
+#include "tools/plot/caption.h"
 #include "tools/plot/hemispheres.h"
 #include "tools/scatter/file_description.h"
 #include "tools/scatter/files.h"
@@ -21,7 +24,8 @@ struct Options {
 };
 
 /// Hemispheres of every incidence; hatching shows what was not measured.
-Status draw(const Options& options) {
+/// Returns   the sentences of the picture's caption.
+Result<std::vector<std::string>> draw(const Options& options) {
   const auto kind = plot::image_kind(options.picture);
   if (!kind) {
     return std::unexpected(kind.error());
@@ -39,8 +43,19 @@ Status draw(const Options& options) {
   if (!grid) {
     return std::unexpected(grid.error());
   }
-  const auto image = plot::hemispheres(**grid, {.kind = *kind, .title = shown_name(options.target)});
-  return image ? write_file(options.picture, *image) : Status(std::unexpected(image.error()));
+  const plot::NamedBrdf named{shown_name(options.target), brdf->get()};
+  std::vector<std::string> told;
+  const auto image = plot::hemispheres(
+      **grid,
+      {.kind = *kind, .title = named.name, .notes = {plot::dirac_note(named, plot::incidences_of(**brdf))}},
+      &told);
+  if (!image) {
+    return std::unexpected(image.error());
+  }
+  if (const auto written = write_file(options.picture, *image); !written) {
+    return std::unexpected(written.error());
+  }
+  return told;
 }
 
 Result<Answer> run(const Options& options) {
@@ -48,11 +63,16 @@ Result<Answer> run(const Options& options) {
   if (!answer || options.picture.empty()) {
     return answer;
   }
-  if (const auto drawn = draw(options); !drawn) {
-    return std::unexpected(drawn.error());
+  const auto told = draw(options);
+  if (!told) {
+    return std::unexpected(told.error());
   }
   answer->json["files"] = {options.picture};
+  answer->json["picture_notes"] = *told;
   answer->text += fmt::format("\n{}\n", options.picture);
+  for (const std::string& sentence : *told) {
+    answer->text += fmt::format("  {}\n", sentence);
+  }
   return answer;
 }
 

@@ -239,6 +239,13 @@ TEST_CASE(
   REQUIRE(hemispheres(nothing, bare(), &told));
   REQUIRE(told.size() == 1);
   CHECK(told.front().find("nothing to draw") == 0);
+  const auto point = grid(
+      [](int, int) { return 1.0; },
+      [](int theta, int phi) { return theta == 10 && phi == 60 ? Origin::kMeasured : Origin::kInvalid; });
+  told.clear();
+  REQUIRE(hemispheres(point, bare(), &told));
+  REQUIRE(told.size() == 1);
+  CHECK(told.front().find("1 of 27360 directions") != std::string::npos);  // 76 x 360
 }
 
 TEST_CASE("Incidences that a picture leaves out are named, rotations told apart") {
