@@ -62,10 +62,17 @@ Status check_materials(std::span<const AtlasMaterial> materials) {
                  "give each material a name of its own");
     }
     const Brdf& first = *materials.front().brdf;
-    if (material.brdf->channels() != first.channels() || material.brdf->type() != first.type()) {
-      return bad(fmt::format("'{}' and '{}' differ in channels ({}, {}) or in type", materials.front().name,
-                             material.name, first.channels(), material.brdf->channels()),
-                 "choose materials of one kind");
+    if (material.brdf->type() != first.type()) {
+      return bad(fmt::format("one of '{}' and '{}' is a BRDF, the other a BTDF", materials.front().name,
+                             material.name),
+                 "put reflection and transmission into an atlas each");
+    }
+    if (material.brdf->channels() != first.channels()) {
+      return bad(
+          fmt::format("'{}' has {} channels, '{}' {}", materials.front().name, first.channels(),
+                      material.name, material.brdf->channels()),
+          "bring them to as many channels first: 'scatter convert FILE ONE.exr --channel 0' writes one "
+          "channel alone, 'scatter merge' makes several of files of one");
     }
   }
   return {};

@@ -51,6 +51,26 @@ ordered_json to_json(const FitParameter& parameter) {
   return out;
 }
 
+/// What a material has at the end of its range, where the fit says only that it wants to go beyond.
+std::vector<std::string> bounds_reached(const formats::EngineMaterial& material) {
+  constexpr double kAtBound = 1e-3;
+  std::vector<std::string> out;
+  const auto check = [&](const char* what, double value, double low, double high) {
+    if (value <= low + kAtBound) {
+      out.push_back(fmt::format("{} {:.3f} at lower bound", what, value));
+    } else if (value >= high - kAtBound) {
+      out.push_back(fmt::format("{} {:.3f} at upper bound", what, value));
+    }
+  };
+  check("ior", material.ior, 1, 3);
+  check("roughness", material.roughness, 0, 1);
+  // 1 is also what stands for "not used".
+  if (material.specular_factor < 1) {
+    check("specular factor", material.specular_factor, 0, 1);
+  }
+  return out;
+}
+
 ordered_json to_json(const EngineFit& fit, bool specular_factor) {
   const formats::EngineMaterial& material = fit.material;
   const double r = (material.ior - 1) / (material.ior + 1);
@@ -63,6 +83,7 @@ ordered_json to_json(const EngineFit& fit, bool specular_factor) {
   if (specular_factor) {
     out["specular_factor"] = material.specular_factor;
   }
+  out["at_bounds"] = bounds_reached(material);
   out["loss"] = {{"rms_log_residual", fit.rms_log_residual},
                  {"mean_relative_error", fit.mean_relative_error},
                  {"relative_flux_error", fit.relative_flux_error},
@@ -136,8 +157,12 @@ std::string scores_text(const std::vector<FamilyScore>& scores) {
 std::string engines_text(const EngineFits& engines) {
   std::vector<std::vector<std::string>> rows{
       {"engine", "base colour", "metallic", "roughness", "ior", "relative error"}};
+  std::vector<std::string> at_bounds;
   const auto row = [&](const char* engine, const EngineFit& fit) {
     const auto& m = fit.material;
+    for (const std::string& bound : bounds_reached(m)) {
+      at_bounds.push_back(fmt::format("  {}: {}\n", engine, bound));
+    }
     rows.push_back({engine, numbers({m.base_color.begin(), m.base_color.end()}, 3),
                     fmt::format("{:.3f}", m.metallic), fmt::format("{:.3f}", m.roughness),
                     fmt::format("{:.3f}", m.ior), percent(fit.mean_relative_error)});
@@ -145,7 +170,11 @@ std::string engines_text(const EngineFits& engines) {
   row("metallic-roughness", engines.core);
   row("glTF", engines.gltf);
   row("OpenPBR", engines.open_pbr);
-  return text_table(rows, "  ");
+  std::string text = text_table(rows, "  ");
+  for (const std::string& line : at_bounds) {
+    text += line;
+  }
+  return text;
 }
 
 }  // namespace

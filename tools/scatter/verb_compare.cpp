@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "host_sdk/reflectance/compare.h"
@@ -28,14 +30,50 @@ nlohmann::ordered_json or_null(const std::optional<double>& value) {
   return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
 }
 
+/// What the figures do not say by themselves.
+std::vector<std::string> remarks(const reflectance::Comparison& found, reflectance::ScatterType type) {
+  using By = reflectance::ChannelMatch::By;
+  std::vector<std::string> out;
+  const auto straight = std::ranges::max_element(found.incidences, {}, [](const auto& incidence) {
+    return std::abs(incidence.dirac_a - incidence.dirac_b);
+  });
+  if (straight != found.incidences.end() && straight->dirac_a != straight->dirac_b) {
+    out.push_back(fmt::format(
+        "the {} shares differ: {:.4f} against {:.4f} of the reference at {}; no direction's value holds "
+        "them, the albedo errors do",
+        type == reflectance::ScatterType::kBtdf ? "straight (unscattered)" : "mirror (unscattered)",
+        straight->dirac_a, straight->dirac_b, plot::angle_text(straight->theta_i)));
+  }
+  if (!found.relative_errors_known) {
+    out.emplace_back("the reference is 0 or less in every direction compared: no relative error can be told");
+  }
+  if (found.channels.by == By::kOneForAll) {
+    out.emplace_back("one channel stands against every channel of the other");
+  } else if (found.channels.by == By::kWavelength) {
+    out.emplace_back("every channel stands against the one of the nearest wavelength");
+  } else if (found.channels.by == By::kAssumedRgb) {
+    out.emplace_back(
+        "three channels without wavelengths are taken as red, green, blue at 650, 550, 450 nm, "
+        "and every channel stands against the nearest one");
+  }
+  if (found.available_incidences > found.incidences.size()) {
+    out.push_back(fmt::format("compared at {} of {} incidences, spread over them", found.incidences.size(),
+                              found.available_incidences));
+  }
+  return out;
+}
+
 nlohmann::ordered_json to_json(const reflectance::Comparison& found, const std::string& region) {
+  const auto relative = [&](double value) {
+    return found.relative_errors_known ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+  };
   nlohmann::ordered_json json = {{"region", region},
                                  {"bins", found.bins},
                                  {"bins_without_reference", found.bins_without_reference},
-                                 {"median_relative_error", found.median_relative_error},
-                                 {"mean_relative_error", found.mean_relative_error},
-                                 {"p95_relative_error", found.p95_relative_error},
-                                 {"p99_relative_error", found.p99_relative_error},
+                                 {"median_relative_error", relative(found.median_relative_error)},
+                                 {"mean_relative_error", relative(found.mean_relative_error)},
+                                 {"p95_relative_error", relative(found.p95_relative_error)},
+                                 {"p99_relative_error", relative(found.p99_relative_error)},
                                  {"cosine_weighted_rms_per_sr", found.cosine_weighted_rms_per_sr},
                                  {"log_rms", found.log_rms}};
   auto& albedo = json["albedo_error"] = nlohmann::ordered_json::array();
@@ -47,6 +85,8 @@ nlohmann::ordered_json to_json(const reflectance::Comparison& found, const std::
                           {"phi_i_deg", degrees(incidence.phi_i)},
                           {"bins", incidence.bins},
                           {"albedo_error", incidence.albedo_error},
+                          {"dirac", incidence.dirac_a},
+                          {"dirac_reference", incidence.dirac_b},
                           {"peak_angle_error_deg", or_null(incidence.peak_angle_error_deg)},
                           {"peak_ratio", or_null(incidence.peak_ratio)}});
   }
@@ -63,15 +103,24 @@ nlohmann::ordered_json to_json(const reflectance::Comparison& found, const std::
 
 std::string to_text(const reflectance::Comparison& found) {
   const auto percent = [](double value) { return fmt::format("{:.3f} %", 100 * value); };
+  const auto relative = [&](double value) {
+    return found.relative_errors_known ? percent(value) : std::string("cannot be told");
+  };
   std::vector<std::vector<std::string>> rows = {
       {"bins compared", std::to_string(found.bins)},
-      {"relative error, median", percent(found.median_relative_error)},
-      {"relative error, mean", percent(found.mean_relative_error)},
-      {"relative error, 95th percentile", percent(found.p95_relative_error)},
-      {"relative error, 99th percentile", percent(found.p99_relative_error)}};
+      {"relative error, median", relative(found.median_relative_error)},
+      {"relative error, mean", relative(found.mean_relative_error)},
+      {"relative error, 95th percentile", relative(found.p95_relative_error)},
+      {"relative error, 99th percentile", relative(found.p99_relative_error)}};
+  const bool turned = std::ranges::any_of(found.incidences, [&](const auto& incidence) {
+    return incidence.theta_i > 0 && std::abs(incidence.phi_i - found.incidences.back().phi_i) > 1e-9;
+  });
   for (const auto& incidence : found.incidences) {
-    rows.push_back({"albedo error at " + plot::angle_text(incidence.theta_i),
-                    fmt::format("{:.5f}", incidence.albedo_error)});
+    const bool nothing = incidence.bins == 0 && incidence.albedo_error == 0;
+    rows.push_back(
+        {"albedo error at " + plot::angle_text(incidence.theta_i) +
+             (turned ? ", azimuth " + plot::angle_text(incidence.phi_i) : std::string()),
+         nothing ? std::string("no direction in common") : fmt::format("{:.5f}", incidence.albedo_error)});
   }
   if (found.peak_angle_error_deg) {
     rows.push_back({"peak off by, worst incidence", fmt::format("{:.3f} deg", *found.peak_angle_error_deg)});
@@ -120,6 +169,11 @@ Result<Answer> run(const Options& options) {
     return std::unexpected(found.error());
   }
   Answer answer{.json = to_json(*found, options.region), .text = to_text(*found)};
+  answer.json["remarks"] = nlohmann::ordered_json::array();
+  for (const std::string& remark : remarks(*found, (*a)->type())) {
+    answer.json["remarks"].push_back(remark);
+    answer.text += fmt::format("note: {}\n", remark);
+  }
   if (!options.picture.empty()) {
     if (const auto drawn = draw(options, **a, **b); !drawn) {
       return std::unexpected(drawn.error());
