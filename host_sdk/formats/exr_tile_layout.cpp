@@ -44,14 +44,4 @@ std::size_t near_square_columns(std::size_t tiles, std::size_t width, std::size_
   return std::clamp<std::size_t>(static_cast<std::size_t>(columns), 1, std::max<std::size_t>(1, tiles));
 }
 
-std::map<std::string, std::string> tile_metadata(const reflectance::Brdf& brdf) {
-  if (const auto* grid = dynamic_cast<const reflectance::GridBrdf*>(&brdf)) {
-    return grid->content().metadata;
-  }
-  if (const auto* specular = dynamic_cast<const reflectance::SpecularGridBrdf*>(&brdf)) {
-    return specular->content().metadata;
-  }
-  return {};
-}
-
 }  // namespace scatter::formats

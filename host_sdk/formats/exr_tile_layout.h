@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -47,8 +46,5 @@ struct OwnIncidences {
 
 /// Columns that make an image of `tiles` tiles about as wide as high; at least 1.
 [[nodiscard]] std::size_t near_square_columns(std::size_t tiles, std::size_t width, std::size_t height);
-
-/// Metadata of grids; empty for others.
-[[nodiscard]] std::map<std::string, std::string> tile_metadata(const reflectance::Brdf& brdf);
 
 }  // namespace scatter::formats

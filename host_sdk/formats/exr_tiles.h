@@ -13,6 +13,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -33,6 +34,8 @@ struct ExrTilesOptions {
   /// rotations, else 0: the material is taken as isotropic.
   std::vector<double> rotations = {};
   std::string method = "measured";  ///< measured | simulated | model
+  /// Added to those of the data, whose keys it replaces.
+  std::map<std::string, std::string> metadata = {};
   /// For a 3-D texture: theta_i from 0 in equal steps to the last one, see texture_incidences.
   bool texture_3d = false;
 };

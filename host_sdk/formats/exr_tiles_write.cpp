@@ -10,6 +10,7 @@
 #include "host_sdk/formats/exr_tile_layout.h"
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
+#include "host_sdk/formats/grid_to_write.h"
 
 namespace scatter::formats {
 namespace {
@@ -129,7 +130,7 @@ Result<std::string> encode_exr_tiles(const Brdf& brdf, const ExrTilesOptions& op
                                       .columns = columns,
                                       .method = options.method,
                                       .symmetry = symmetry_of(brdf, rotations.size()),
-                                      .metadata = tile_metadata(brdf)});
+                                      .metadata = metadata_of(brdf, {.metadata = options.metadata})});
     if (!resampled.empty()) {
       header.insert("bsdfResampled", Imf::StringAttribute(resampled));
     }

@@ -45,6 +45,14 @@ class SomeChannels final : public Brdf {
     choose(all, f_per_sr);
     return origin;
   }
+  [[nodiscard]] bool dirac(const Direction& omega_i, std::span<double> weight) const noexcept override {
+    std::vector<double> all(brdf_.channels());
+    const bool some = brdf_.dirac(omega_i, all);
+    if (some) {
+      choose(all, weight);
+    }
+    return some;
+  }
   [[nodiscard]] bool uncertainty(const Direction& omega_i, const Direction& omega_o,
                                  std::span<double> random_per_sr,
                                  std::span<double> systematic_per_sr) const noexcept override {

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <numeric>
 #include <vector>
 
@@ -49,7 +50,7 @@ std::vector<float> channels_of(const AdaptiveBrdf::Content& content, const std::
   return out;
 }
 
-Result<std::string> encode(const AdaptiveBrdf& brdf) {
+Result<std::string> encode(const AdaptiveBrdf& brdf, const std::map<std::string, std::string>& metadata) {
   const AdaptiveBrdf::Content& content = brdf.content();
   std::vector<std::size_t> order(content.channels == 1 ? kRgb : content.channels);
   const bool spectral = order.size() != kRgb;
@@ -74,9 +75,8 @@ Result<std::string> encode(const AdaptiveBrdf& brdf) {
       content.valid.empty() ? std::vector<std::uint8_t>(content.luminance.values.size(), 1) : content.valid);
   const std::string version("\1\0\0\0\0\0\0\0", 8);
   const std::string jacobian(1, content.jacobian ? '\1' : '\0');
-  const auto described = content.metadata.find("description");
-  const std::string description =
-      described == content.metadata.end() ? "measured material" : described->second;
+  const auto described = metadata.find("description");
+  const std::string description = described == metadata.end() ? "measured material" : described->second;
   const std::uint64_t phis = content.phi_i.size();
   const std::uint64_t thetas = content.theta_i.size();
   const auto table = [](std::string name, std::vector<std::uint64_t> shape, const auto& values) {
@@ -105,7 +105,7 @@ Result<std::string> encode(const AdaptiveBrdf& brdf) {
   if (spectral) {
     fields.push_back(table("wavelengths", {wavelengths.size()}, wavelengths));
   }
-  for (const auto& [key, value] : content.metadata) {
+  for (const auto& [key, value] : metadata) {
     const bool printable = std::ranges::all_of(key, [](char c) { return c >= ' ' && c <= '~'; });
     if (key != "description" && !key.empty() && key.size() <= kLongestKey && printable && !value.empty()) {
       fields.push_back(text(fmt::format("scatter.{}", key), value));
@@ -118,10 +118,12 @@ Result<std::string> encode(const AdaptiveBrdf& brdf) {
 
 Result<std::string> encode_rgl(const Brdf& brdf, const AdaptOptions& options) {
   if (const auto* adaptive = dynamic_cast<const AdaptiveBrdf*>(&brdf)) {
-    return encode(*adaptive);
+    auto metadata = options.metadata;
+    metadata.insert(adaptive->content().metadata.begin(), adaptive->content().metadata.end());
+    return encode(*adaptive, metadata);
   }
   const auto adapted = reflectance::adapt(brdf, options);
-  return adapted ? encode(*adapted) : std::unexpected(adapted.error());
+  return adapted ? encode(*adapted, adapted->content().metadata) : std::unexpected(adapted.error());
 }
 
 Status write_rgl(const Brdf& brdf, const std::filesystem::path& path, const AdaptOptions& options) {

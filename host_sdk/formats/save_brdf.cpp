@@ -6,10 +6,12 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <utility>
 #include <vector>
 
 #include "host_sdk/formats/bird.h"
+#include "host_sdk/formats/dirac_share.h"
 #include "host_sdk/formats/exr_tiles.h"
 #include "host_sdk/formats/file_bytes.h"
 #include "host_sdk/formats/grid_to_write.h"
@@ -48,7 +50,8 @@ Bytes exr_tiles(const Brdf& brdf, const EncodeOptions& options) {
                                  .columns = options.tile_columns,
                                  .half_precision = options.half_precision,
                                  .theta_i = options.theta_i,
-                                 .method = options.method.empty() ? "measured" : options.method});
+                                 .method = options.method.empty() ? "measured" : options.method,
+                                 .metadata = options.metadata});
 }
 
 Bytes zemax(const Brdf& brdf, const EncodeOptions& options) {
@@ -64,28 +67,22 @@ Bytes merl(const Brdf& brdf, const EncodeOptions& /*options*/) {
 Bytes rgl(const Brdf& brdf, const EncodeOptions& options) {
   reflectance::AdaptOptions adapt;
   adapt.theta_i = options.theta_i;
+  adapt.metadata = metadata_of(brdf, options);
   return encode_rgl(brdf, adapt);
 }
 
 /// One line per format that can be written; the first of an extension is its default.
 constexpr std::array kWriters{
-    Writer{Format::kNativeExr, "exr", ".exr", "OpenEXR grid about the normal, lossless (.exr)",
-           "nothing of a grid about the normal; other data are sampled on one", false, native_exr},
-    Writer{Format::kExrTiles, "tiles", ".exr", "OpenEXR, one tile per incidence, for shaders (.exr)",
-           "nodes move to texel centres, half floats, random and systematic uncertainty in one", true,
+    Writer{Format::kNativeExr, "exr", ".exr", "OpenEXR grid about the normal, lossless (.exr)", 0, false,
+           native_exr},
+    Writer{Format::kExrTiles, "tiles", ".exr", "OpenEXR, one tile per incidence, for shaders (.exr)", 0, true,
            exr_tiles},
-    Writer{Format::kZemax, "zemax", ".bsdf", "Zemax tabular BSDF, text (.bsdf)",
-           "nodes move to a grid about the specular direction, four digits (seven of XYZ), uncertainty", true,
-           zemax},
-    Writer{Format::kMiniDiff, "minidiff", ".bsdf", "MiniDiff / LightTools BSDF, text (.bsdf)",
-           "uncertainty, digits beyond the seventh", false, minidiff},
-    Writer{Format::kBird, "bird", ".brdf", "BiRD JSON, schema v1.0 (.brdf)",
-           "transmission cannot be written; nodes without a value, digits of angles beyond the tenth", false,
-           encode_bird},
-    Writer{Format::kMerl, "merl", ".binary", "MERL, half and difference angles (.binary)",
-           "anisotropy, detail finer than a cell of 1 deg, uncertainty, origins, metadata", true, merl},
-    Writer{Format::kRgl, "rgl", ".bsdf", "RGL tensor, for Mitsuba 3 and pbrt-v4 (.bsdf)",
-           "detail between its nodes (mean error below 1 %), uncertainty", false, rgl},
+    Writer{Format::kZemax, "zemax", ".bsdf", "Zemax tabular BSDF, text (.bsdf)", 4, true, zemax},
+    Writer{Format::kMiniDiff, "minidiff", ".bsdf", "MiniDiff / LightTools BSDF, text (.bsdf)", 7, false,
+           minidiff},
+    Writer{Format::kBird, "bird", ".brdf", "BiRD JSON, schema v1.0 (.brdf)", 0, false, encode_bird},
+    Writer{Format::kMerl, "merl", ".binary", "MERL, half and difference angles (.binary)", 0, true, merl},
+    Writer{Format::kRgl, "rgl", ".bsdf", "RGL tensor, for Mitsuba 3 and pbrt-v4 (.bsdf)", 0, false, rgl},
 };
 
 /// Channels nearest to red, green and blue, as the instrument's light-emitting diodes are.
@@ -145,6 +142,19 @@ Result<const Writer*> writer_for(const std::filesystem::path& path) {
   return it;
 }
 
+Result<std::vector<std::size_t>> channels_to_write(const Brdf& brdf, const Writer& writer,
+                                                   const EncodeOptions& options) {
+  if (options.channel) {
+    return std::vector{*options.channel};
+  }
+  if (writer.only_colours && brdf.channels() != 1 && brdf.channels() != 3) {
+    return colour_channels(brdf);
+  }
+  std::vector<std::size_t> all(brdf.channels());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return all;
+}
+
 Result<std::string> encode_brdf(const Brdf& brdf, const Writer& writer, const EncodeOptions& options) {
   if (options.digits < 0 || options.digits > 17) {
     return fail(ErrorCode::kInvalidArgument, fmt::format("{} digits, expected 1..17", options.digits),
@@ -155,21 +165,21 @@ Result<std::string> encode_brdf(const Brdf& brdf, const Writer& writer, const En
                 fmt::format("the samples are scattered, the format {} needs a grid", writer.word),
                 "interpolate them by a chain of estimators first, or write bird, which takes lists");
   }
-  std::vector<std::size_t> chosen;
-  if (options.channel) {
-    chosen = {*options.channel};
-  } else if (writer.only_colours && brdf.channels() != 1 && brdf.channels() != 3) {
-    auto nearest = colour_channels(brdf);
-    if (!nearest) {
-      return std::unexpected(nearest.error());
-    }
-    chosen = std::move(*nearest);
+  if (Status status = check_not_dirac_alone(brdf, writer.word); !status) {
+    return std::unexpected(status.error());
   }
-  if (chosen.empty()) {
+  const auto chosen = channels_to_write(brdf, writer, options);
+  if (!chosen) {
+    return std::unexpected(chosen.error());
+  }
+  if (!options.channel && chosen->size() == brdf.channels()) {
     return writer.encode(brdf, options);
   }
-  const auto some = only_channels(brdf, chosen);
-  return some ? writer.encode(**some, options) : Bytes(std::unexpected(some.error()));
+  const auto some = only_channels(brdf, *chosen);
+  // Some channels of what is no grid know their values only.
+  EncodeOptions with_metadata = options;
+  with_metadata.metadata = metadata_of(brdf, options);
+  return some ? writer.encode(**some, with_metadata) : Bytes(std::unexpected(some.error()));
 }
 
 Status save_brdf(const Brdf& brdf, const std::filesystem::path& path, const Writer& writer,

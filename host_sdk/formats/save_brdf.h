@@ -1,7 +1,7 @@
 // Any BRDF into any file format: the table of writers, and the one entry of tools.
 //
 // A format that can be written is one line of the table in save_brdf.cpp. What each keeps and
-// loses is in docs/formats.md, and in `Writer::losses` in short.
+// loses is in docs/formats.md; what one file lost says conversion_losses.h.
 #pragma once
 
 #include <cstddef>
@@ -49,7 +49,7 @@ struct Writer {
   std::string_view word;       ///< For the command line: "zemax".
   std::string_view extension;  ///< ".bsdf"
   std::string_view meaning;    ///< "Zemax tabular BSDF, text (.bsdf)"
-  std::string_view losses;     ///< What does not survive: one line.
+  int digits = 0;              ///< Of values in a text that rounds them; 0: values are kept as numbers.
   /// The format has one channel or three: of other data encode_brdf takes those nearest 630, 525
   /// and 465 nm, in that order.
   bool only_colours = false;
@@ -65,9 +65,16 @@ struct Writer {
 /// By extension, whatever its case. Errors  kInvalidArgument naming the extensions there are.
 [[nodiscard]] Result<const Writer*> writer_for(const std::filesystem::path& path);
 
+/// Channels that go into the file, by their numbers in the data.
+/// Errors  as encode_brdf.
+[[nodiscard]] Result<std::vector<std::size_t>> channels_to_write(const reflectance::Brdf& brdf,
+                                                                 const Writer& writer,
+                                                                 const EncodeOptions& options);
+
 /// Errors  those of the writer; kInvalidArgument: an option out of its range, or channels without
 ///         wavelengths that are neither one nor three for a format of colours;
-///         kFailedPrecondition: scattered samples for a format that needs a grid.
+///         kFailedPrecondition: scattered samples for a format that needs a grid; a Dirac component
+///         and nothing beside it.
 [[nodiscard]] Result<std::string> encode_brdf(const reflectance::Brdf& brdf, const Writer& writer,
                                               const EncodeOptions& options = {});
 /// Encodes and replaces the file as a whole (file_bytes.h).

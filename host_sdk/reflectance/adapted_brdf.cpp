@@ -218,8 +218,9 @@ Result<AdaptiveBrdf> adapt(const Brdf& brdf, const AdaptOptions& options) {
   AdaptiveBrdf::Content content;
   content.channels = brdf.channels();
   content.wavelengths_nm.assign(brdf.wavelengths_nm().begin(), brdf.wavelengths_nm().end());
+  content.metadata = options.metadata;
   if (own.metadata != nullptr) {
-    content.metadata = *own.metadata;
+    content.metadata.insert(own.metadata->begin(), own.metadata->end());
   }
   content.metadata["adaptive_ndf"] = normals->source;
   for (const double theta : theta_i) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "host_sdk/error/error.h"
@@ -15,7 +17,9 @@ struct AdaptOptions {
   /// Azimuths of the incidences over a whole turn, both ends included. 1: isotropic; else 5..361.
   /// 0: 1, or 17 for a grid of several sample rotations.
   std::size_t azimuths = 0;
-  std::size_t resolution = 32;           ///< Nodes of spectra and luminance per side, 4..256.
+  std::size_t resolution = 32;  ///< Nodes of spectra and luminance per side, 4..256.
+  /// Added to those of a grid, whose keys it replaces.
+  std::map<std::string, std::string> metadata = {};
   std::size_t normals_resolution = 128;  ///< Nodes of ndf and vndf per side, 16..512.
 };
 

@@ -1,12 +1,15 @@
 // scatter convert IN OUT: the same scattering data in another format.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
 
+#include "host_sdk/formats/conversion_losses.h"
 #include "host_sdk/formats/save_brdf.h"
+#include "host_sdk/reflectance/adaptive_brdf.h"
 #include "host_sdk/reflectance/estimators/estimator.h"
 #include "host_sdk/reflectance/estimators/extent.h"
 #include "host_sdk/reflectance/grid_brdf.h"
@@ -60,6 +63,29 @@ bool rotated(const reflectance::Brdf& brdf) {
   return false;
 }
 
+/// How data answer between and beyond their own nodes when no chain stands around them; empty for what is
+/// known everywhere.
+std::string own_rule(const reflectance::Brdf& brdf) {
+  std::string_view rule;
+  if (dynamic_cast<const reflectance::GridBrdf*>(&brdf) != nullptr) {
+    rule =
+        "bilinear between nodes, linear about the mirror direction between incidences, the nearest "
+        "incidence and node beyond";
+  } else if (dynamic_cast<const reflectance::SpecularGridBrdf*>(&brdf) != nullptr) {
+    rule = "linear between nodes and between incidences, the nearest beyond";
+  } else if (dynamic_cast<const reflectance::AdaptiveBrdf*>(&brdf) != nullptr) {
+    rule = "linear between the tables' incidences, the nearest beyond";
+  } else {
+    return {};
+  }
+  std::vector<std::string> own;
+  for (const double theta_i : reflectance::extent_of(brdf).theta_i) {
+    own.push_back(fmt::format("{:.4g}", reflectance::degrees(theta_i)));
+  }
+  return fmt::format("estimators: none, the data's own rule: {}{}", rule,
+                     own.empty() ? "" : fmt::format(" (incidences {} deg)", fmt::join(own, ", ")));
+}
+
 /// Whether incidences are asked for that the data do not have.
 bool between_incidences(const std::vector<double>& wanted, const reflectance::Brdf& data) {
   const std::vector<double> stored = reflectance::extent_of(data).theta_i;
@@ -98,7 +124,8 @@ Result<Answer> run(const Options& options) {
   if (!data) {
     return std::unexpected(data.error());
   }
-  const bool plain = keeps_nodes(**data, **writer, options.writing) || rotated(**data);
+  const bool keeps = keeps_nodes(**data, **writer, options.writing);
+  const bool plain = keeps || rotated(**data);
   // MERL's table asks for every incidence.
   const bool between =
       (*writer)->format == formats::Format::kMerl || between_incidences(encode->theta_i, **data);
@@ -118,17 +145,29 @@ Result<Answer> run(const Options& options) {
   if (!bytes) {
     return std::unexpected(bytes.error());
   }
+  const auto losses = formats::conversion_losses(**data, *prepared->brdf, **writer, *encode, *bytes);
+  if (!losses) {
+    return std::unexpected(losses.error());
+  }
   if (const auto written = write_file(options.output, *bytes); !written) {
     return std::unexpected(written.error());
   }
+  std::vector<std::string> notes = prepared->notes;
+  if (const auto rule = own_rule(**data); prepared->brdf == *data && !keeps && !rule.empty()) {
+    notes.push_back(rule);
+  }
   Answer answer;
   answer.json = {{"format", (*writer)->word},
-                 {"losses", (*writer)->losses},
-                 {"notes", prepared->notes},
+                 {"losses", *losses},
+                 {"notes", notes},
                  {"bytes", bytes->size()},
                  {"files", {options.output}}};
-  answer.text = fmt::format("{}: {}\n  losses: {}\n", options.output, (*writer)->meaning, (*writer)->losses);
-  for (const std::string& note : prepared->notes) {
+  answer.text = fmt::format("{}: {}\n", options.output, (*writer)->meaning);
+  answer.text += losses->empty() ? "  nothing is lost\n" : "  lost:\n";
+  for (const std::string& loss : *losses) {
+    answer.text += fmt::format("    {}\n", loss);
+  }
+  for (const std::string& note : notes) {
     answer.text += fmt::format("  {}\n", note);
   }
   return answer;
