@@ -123,7 +123,8 @@ TEST_CASE("Incidences between the data come from guided interpolation, and the f
   for (const std::string key :
        {"interpolation", "interpolation_error", "interpolation_error_specular_linear"}) {
     REQUIRE(metadata.contains(key));
-    CHECK(std::ranges::find(notes, key + ": " + metadata[key].get<std::string>()) != notes.end());
+    CHECK(std::find(notes.begin(), notes.end(), key + ": " + metadata[key].get<std::string>()) !=
+          notes.end());
   }
   CHECK(std::stod(metadata["interpolation_error"].get<std::string>()) <
         std::stod(metadata["interpolation_error_specular_linear"].get<std::string>()));
@@ -151,6 +152,17 @@ TEST_CASE("plot writes what the extension says, and both kinds") {
   CHECK(contents(folder / "c.svg").find("<svg") != std::string::npos);
   REQUIRE(scatter({"plot", "ggx:alpha=0.2", "-o", folder / "h.png", "--kind", "hemispheres"}).status == 0);
   CHECK(contents(folder / "h.png").substr(1, 3) == "PNG");
+}
+
+TEST_CASE("What a picture cannot show is told in the answer: a mirror's share") {
+  const Scratch folder;
+  for (const char* kind : {"curves", "hemispheres"}) {
+    const auto found = answer({"plot", "mirror:0.9", "-o", folder / "m.png", "--kind", kind, "--json"});
+    REQUIRE(found["notes"].size() == 1);
+    CHECK(found["notes"][0].get<std::string>().find("0.9 of the light") != std::string::npos);
+  }
+  const auto found = answer({"inspect", "mirror:0.9", "-o", folder / "i.png", "--json"});
+  CHECK(found["picture_notes"].size() == 1);
 }
 
 TEST_CASE("measure has the promised keys and files, and repeats byte for byte") {
