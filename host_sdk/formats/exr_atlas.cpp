@@ -12,6 +12,7 @@
 #include <tuple>
 #include <utility>
 
+#include "host_sdk/formats/dirac_share.h"
 #include "host_sdk/formats/exr_tile_file.h"
 #include "host_sdk/formats/exr_tile_image.h"
 #include "host_sdk/formats/exr_tile_layout.h"
@@ -73,6 +74,10 @@ Status check_materials(std::span<const AtlasMaterial> materials) {
                       material.name, material.brdf->channels()),
           "bring them to as many channels first: 'scatter convert FILE ONE.exr --channel 0' writes one "
           "channel alone, 'scatter merge' makes several of files of one");
+    }
+    if (Status status = check_not_dirac_alone(*material.brdf, "atlas"); !status) {
+      return fail(status.error().code, fmt::format("EXR atlas: '{}': {}", material.name, status.error().what),
+                  status.error().remedy);
     }
   }
   return {};

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "host_sdk/formats/conversion_losses.h"
+#include "host_sdk/formats/exr_atlas.h"
 #include "host_sdk/formats/open_brdf.h"
 #include "host_sdk/formats/rgl.h"
 #include "host_sdk/formats/save_brdf.h"
@@ -78,6 +79,16 @@ TEST_CASE("A mirror and nothing beside it is refused by every format") {
     REQUIRE(has(refused.error().remedy, "narrow lobe"));
     REQUIRE(encode_brdf(*model("ggx:alpha=0.02,albedo=0"), writer));
   }
+}
+
+TEST_CASE("A mirror and nothing beside it is refused in an atlas too, by its name") {
+  const auto grey = model("lambertian:0.3");
+  const auto mirror = model("mirror:0.9");
+  const std::vector<AtlasMaterial> materials{{"grey", grey.get()}, {"glass", mirror.get()}};
+  const auto refused = encode_exr_atlas(materials);
+  REQUIRE_FALSE(refused);
+  REQUIRE(refused.error().code == ErrorCode::kFailedPrecondition);
+  REQUIRE(has(refused.error().what, "'glass'"));
 }
 
 TEST_CASE("A format that keeps the nodes loses nothing, or digits alone") {
