@@ -139,19 +139,25 @@ std::string to_text(const reflectance::Comparison& found) {
 }
 
 /// Both in the plane of incidence, one over the other, at a's incidences.
-Status draw(const Options& options, const reflectance::Brdf& a, const reflectance::Brdf& b) {
+/// Returns   the sentences of the picture's caption.
+Result<std::vector<std::string>> draw(const Options& options, const reflectance::Brdf& a,
+                                      const reflectance::Brdf& b) {
   const auto kind = plot::image_kind(options.picture);
   if (!kind) {
     return std::unexpected(kind.error());
   }
   const plot::NamedBrdf both[] = {{shown_name(options.a), &a}, {shown_name(options.b), &b}};
-  plot::CurveOptions curves{.kind = *kind, .incidences = plot::incidences_of(a), .theta_max_deg = 85};
-  constexpr std::size_t kMostPanels = 12;
-  if (curves.incidences.size() > kMostPanels) {
-    curves.incidences.resize(kMostPanels);
+  std::vector<std::string> told;
+  const auto image = plot::curves(
+      both, {.kind = *kind, .incidences = plot::incidences_of(a), .max_panels = 12, .theta_max_deg = 85},
+      &told);
+  if (!image) {
+    return std::unexpected(image.error());
   }
-  const auto image = plot::curves(both, curves);
-  return image ? write_file(options.picture, *image) : Status(std::unexpected(image.error()));
+  if (const auto written = write_file(options.picture, *image); !written) {
+    return std::unexpected(written.error());
+  }
+  return told;
 }
 
 Result<Answer> run(const Options& options) {
@@ -175,11 +181,16 @@ Result<Answer> run(const Options& options) {
     answer.text += fmt::format("note: {}\n", remark);
   }
   if (!options.picture.empty()) {
-    if (const auto drawn = draw(options, **a, **b); !drawn) {
-      return std::unexpected(drawn.error());
+    const auto told = draw(options, **a, **b);
+    if (!told) {
+      return std::unexpected(told.error());
     }
     answer.json["files"] = {options.picture};
+    answer.json["picture_notes"] = *told;
     answer.text += fmt::format("\n{}\n", options.picture);
+    for (const std::string& sentence : *told) {
+      answer.text += fmt::format("  {}\n", sentence);
+    }
   }
   return answer;
 }
