@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -32,17 +31,9 @@ Error file_error(std::string_view verb, const std::filesystem::path& file, int n
 }
 
 Result<std::vector<std::byte>> read_file(const std::filesystem::path& file, std::size_t limit) {
-  // O_NONBLOCK: a pipe would wait for somebody who writes, before its kind is known.
-  const int handle = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const int handle = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
   if (handle < 0) {
     return std::unexpected(file_error("open", file, errno));
-  }
-  struct stat status{};
-  if (::fstat(handle, &status) == 0 && !S_ISREG(status.st_mode) && !S_ISDIR(status.st_mode)) {
-    ::close(handle);
-    return fail(ErrorCode::kInvalidArgument,
-                fmt::format("{} is a pipe or a device, expected a regular file", file.string()),
-                "save it to a file first");
   }
   constexpr std::size_t kPiece = 64 * 1024;
   std::vector<std::byte> out;
