@@ -49,7 +49,8 @@ TEST_CASE("Of families that predict alike the one with fewer parameters wins", "
   CHECK(name(selection->best.family) == "ggx");
 }
 
-TEST_CASE("Among families that leave only rounding the one with the fewest parameters wins", "[select_model]") {
+TEST_CASE("Among families that leave only rounding the one with the fewest parameters wins",
+          "[select_model]") {
   const FitSamples samples = test::samples_of("lambertian:0.3", 500);
   const auto selection = select_model(samples, among({"oren-nayar+ward", "oren-nayar", "ggx", "lambert"}));
   REQUIRE(selection);
