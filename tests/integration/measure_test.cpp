@@ -72,7 +72,9 @@ void check_limits(const reflectance::Comparison& c) {
   CHECK(c.median_relative_error <= 0.005);
   CHECK(c.p95_relative_error <= 0.02);
   for (const auto& incidence : c.incidences) {
-    CHECK(incidence.albedo_error <= 0.003);
+    // No instrument of this kind sees what goes straight through a film: that is in the truth alone.
+    const double straight = std::abs(incidence.dirac_a - incidence.dirac_b);
+    CHECK(std::abs(incidence.albedo_error - straight) <= 0.003);
   }
 }
 
