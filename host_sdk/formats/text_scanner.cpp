@@ -51,10 +51,13 @@ void TextScanner::skip_comment() {
 }
 
 std::size_t TextScanner::line_at(std::size_t place) const noexcept {
-  std::size_t lines = 1;
-  for (const char* c = start_; c != start_ + place; ++c) {
+  const bool again = place < counted_place_;
+  std::size_t lines = again ? 1 : counted_line_;
+  for (const char* c = start_ + (again ? 0 : counted_place_); c != start_ + place; ++c) {
     lines += *c == '\n' || (*c == '\r' && (c + 1 == end_ || c[1] != '\n')) ? 1 : 0;
   }
+  counted_place_ = place;
+  counted_line_ = lines;
   return lines;
 }
 

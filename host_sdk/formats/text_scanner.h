@@ -63,7 +63,7 @@ class TextScanner {
   }
   [[nodiscard]] std::unexpected<Error> error_at(std::size_t place, std::string_view what,
                                                 std::string_view remedy = kMend) const;
-  /// Lines are counted when somebody asks: not once per value.
+  /// Lines are counted when somebody asks, from where they were asked for before: not once per value.
   [[nodiscard]] std::size_t line_at(std::size_t place) const noexcept;
   /// The same with "expected ..., found ..." of the next word.
   [[nodiscard]] std::unexpected<Error> expected(std::string_view what);
@@ -87,6 +87,8 @@ class TextScanner {
   static constexpr std::string_view kMend = "export the file again or correct this line";
   [[nodiscard]] bool parse(double& value);
 
+  mutable std::size_t counted_place_ = 0;
+  mutable std::size_t counted_line_ = 1;  ///< Of that place.
   const char* start_;
   const char* at_;
   const char* end_;

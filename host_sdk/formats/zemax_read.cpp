@@ -235,7 +235,7 @@ class Decoder {
   }
 
   void warn_of_total(double total) {
-    // Its line takes a pass over the text: only where it will be told.
+    // Its line takes a walk over the text: only where it will be told.
     warnings_.add(warnings_.is_full()
                       ? std::string()
                       : fmt::format("line {}: TIS {:g}, expected 0..1 (the share of the light that is "
