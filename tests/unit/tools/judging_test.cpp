@@ -4,18 +4,12 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "tests/unit/tools/answer.h"
 #include "tests/unit/tools/command.h"
 
 using nlohmann::json;
 
 namespace {
-
-json answer(const std::vector<std::string>& arguments) {
-  const auto run = scatter(arguments);
-  INFO(run.err);
-  REQUIRE(run.status == 0);
-  return json::parse(run.out);
-}
 
 /// A BiRD list of one direction, which a search by whole degrees meets, and a long metadata key.
 std::string one_direction(const char* f) {

@@ -8,20 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "tests/unit/tools/answer.h"
 #include "tests/unit/tools/command.h"
 
 using nlohmann::json;
-
-namespace {
-
-json answer(const std::vector<std::string>& arguments) {
-  const auto run = scatter(arguments);
-  INFO(run.err);
-  REQUIRE(run.status == 0);
-  return json::parse(run.out);
-}
-
-}  // namespace
 
 TEST_CASE("compare has the promised keys and gives the differences that arithmetic gives") {
   const auto found = answer({"compare", "lambertian:0.5", "lambertian:0.4", "--json", "--region", "all"});
